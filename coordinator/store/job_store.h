@@ -90,6 +90,15 @@ struct StoredJob {
   std::string damage;  // Its files that changed on disk; empty: none.
 };
 
+// New values of a job's state; what is absent stays.
+struct JobChange {
+  std::optional<bool> paused = {};  // A job that ends is no longer paused.
+  std::optional<int32_t> priority = {};
+  std::optional<bool> pinned = {};
+  // When the parts of an ended job are removed; stored before RemoveFrameParts.
+  std::optional<absl::Time> parts_removed_time = {};
+};
+
 // The size of a test write: more than a row, less than most parts.
 inline constexpr size_t kProbeBytes = size_t{1} << 20;
 
@@ -144,9 +153,7 @@ class JobStore {
   virtual absl::Status SetWarning(uint64_t job_id, const std::string& warning) = 0;
   // All parts of an identity, ascending by job.
   virtual absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) = 0;
-  // A job that ends is no longer paused.
-  virtual absl::Status SetPaused(uint64_t job_id, bool paused) = 0;
-  virtual absl::Status SetPriority(uint64_t job_id, int32_t priority) = 0;
+  virtual absl::Status ChangeJob(uint64_t job_id, const JobChange& change) = 0;
   // Removes the job's dependencies.
   virtual absl::Status ReleaseJob(uint64_t job_id) = 0;
   // Drained workers. Write replaces a worker's record; Remove is a no-op if there is none.
@@ -155,9 +162,6 @@ class JobStore {
   virtual absl::StatusOr<std::vector<DrainRecord>> LoadDrains() = 0;
 
   // Retention (coordinator/core/policy/retention.h).
-  virtual absl::Status SetPinned(uint64_t job_id, bool pinned) = 0;
-  // Notes that the parts of an ended job are about to be removed, by RemoveFrameParts.
-  virtual absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) = 0;
   // Bytes of parts, by job; only jobs with parts.
   virtual absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() = 0;
   // Removes an ended job: its rows, then its parts and images. Files left by a stop or by the disk

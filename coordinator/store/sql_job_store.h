@@ -73,14 +73,11 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::map<ShareSubject, ShareSetting>> LoadShares() override;
   absl::Status SetWarning(uint64_t job_id, const std::string& warning) override;
   absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override;
-  absl::Status SetPaused(uint64_t job_id, bool paused) override;
-  absl::Status SetPriority(uint64_t job_id, int32_t priority) override;
+  absl::Status ChangeJob(uint64_t job_id, const JobChange& change) override;
   absl::Status ReleaseJob(uint64_t job_id) override;
   absl::Status WriteDrains(const std::vector<DrainRecord>& records) override;
   absl::Status RemoveDrains(const std::vector<std::string>& worker_ids) override;
   absl::StatusOr<std::vector<DrainRecord>> LoadDrains() override;
-  absl::Status SetPinned(uint64_t job_id, bool pinned) override;
-  absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) override;
   absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override;
   absl::Status RemoveJob(uint64_t job_id) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
@@ -146,13 +143,9 @@ class SqlJobStore : public JobStore {
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // Called without the lock while others work: a server may be slow.
   absl::Status RemoveFilesOf(uint64_t job_id);
-  absl::Status NoteFilesRemoved(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status RemoveRowsOf(uint64_t job_id, uint64_t* parts_bytes)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // Adds to a kDataLoss error how to recover from it.
   absl::Status Explained(const absl::Status& status) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::StatusOr<std::vector<StoredJob>> ReadJobs() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   // The object of a part that has no row. Errors: kAlreadyExists (it has one).
   absl::Status WriteObject(const PartRow& row, const std::string& bytes);
   // Called after a commit failed with this status.
@@ -161,48 +154,8 @@ class SqlJobStore : public JobStore {
   absl::Status CommitPart(const PartRow& row);
   void CommitGroup(const std::vector<PendingPart*>& parts);
   absl::Status CommitRows(const std::vector<PendingPart*>& parts);
-  absl::Status InsertRow(const PartRow& row) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // These run in a transaction of their caller (sql_job_store_usage.cc).
-  absl::Status AddUsage(const UsageOf& of, const Usage& usage)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status AddUsageOf(const std::vector<PendingPart*>& parts)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
   static std::string FolderOf(const FrameId& frame);  // Folder of its parts, ending in "/".
   static std::string NameOf(const PartRow& row);      // Name of its object.
-  absl::Status LoadFrames(StoredJob* job) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::StatusOr<CreatedJob> InsertJob(const JobSpec& spec, const std::string& request_id,
-                                       absl::Time create_time)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status InsertFrames(uint64_t job_id, const std::vector<FrameSpec>& frames)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status InsertEffects(uint64_t job_id, const std::vector<EffectCost>& effects)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status InsertHolds(uint64_t job_id, const JobSpec& spec)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Approves the frame if it waits for this many samples or fewer.
-  absl::Status NoteApproval(const FrameId& frame, uint64_t samples)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Called when a job is removed.
-  absl::Status RemoveHolds(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // All three add to the jobs in the map, which is keyed by job id, and ignore rows of other jobs.
-  absl::Status LoadEffects(const std::map<uint64_t, StoredJob*>& jobs)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status LoadFailures(const std::map<uint64_t, StoredJob*>& jobs)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status LoadHolds(const std::map<uint64_t, StoredJob*>& jobs)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::StatusOr<std::vector<TaskTrouble>> ReadTroubles(uint64_t job_id)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Runs `body`, which is annotated with database_mutex_, as one transaction.
-  absl::Status InTransaction(const std::function<absl::Status()>& body)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Seals the state of the job as it is now: after each change to it, in the same transaction.
-  absl::Status SealState(uint64_t job_id) ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  // Runs an UPDATE of the job's state, whose last parameter is the job's id, and seals it.
-  absl::Status ChangeState(uint64_t job_id, Statement* update)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
-  absl::Status InsertRound(const FrameId& frame, const RoundRecord& round)
-      ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_);
 
   const std::string directory_;
   const Durability durability_;

@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that opens it: lock, integrity check, schema; and that tests whether
-// the disk accepts writes.
+// SqlJobStore begins and cleans up: lock, integrity check, schema; the files of removed jobs, whose
+// rows go first: a stop in between leaves files without rows, which the next start removes; and the
+// test whether the disk accepts writes.
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -10,8 +11,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <set>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
@@ -23,7 +26,9 @@
 #include "common/objects/folder_objects.h"
 #include "coordinator/store/database/sqlite_database.h"
 #include "coordinator/store/disk_reserve.h"
+#include "coordinator/store/job_rows.h"
 #include "coordinator/store/job_schema.h"
+#include "coordinator/store/part_rows.h"
 #include "coordinator/store/sql_job_store.h"
 
 namespace sheaf::coordinator {
@@ -172,11 +177,9 @@ absl::Status SqlJobStore::BeginLife() {
   if (!row.ok()) return row.status();
   if (!*row) return absl::DataLossError("the count of runs is missing");
   first_lease_id_ = static_cast<uint64_t>(lives.Int64(0)) << kLeaseIdBitsPerLife;
-  Statement bytes =
-      database_->Prepare("SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) FROM parts");
-  const absl::StatusOr<bool> sum = bytes.Step();
-  if (!sum.ok()) return sum.status();
-  parts_bytes_ = static_cast<uint64_t>(bytes.Int64(0));
+  const absl::StatusOr<uint64_t> bytes = rows::PartsBytes(database_.get());
+  if (!bytes.ok()) return bytes.status();
+  parts_bytes_ = *bytes;
   if (absl::Status found = FindUsedJobIds(); !found.ok()) return found;
   return FinishRemovals();
 }
@@ -199,6 +202,80 @@ absl::Status SqlJobStore::FindUsedJobIds() {
 void SqlJobStore::NoteUsedJobId(uint64_t job_id) {
   uint64_t& next = IsPilot(job_id) ? next_pilot_id_ : next_job_id_;
   next = std::max(next, job_id + 1);
+}
+
+absl::Status SqlJobStore::RemoveJob(uint64_t job_id) {
+  {
+    const MutexLock lock(&database_mutex_);
+    uint64_t parts_bytes = 0;
+    absl::Status removed =
+        database_->InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+          return rows::RemoveJob(job_id, &parts_bytes, database_.get());
+        });
+    if (!removed.ok()) return removed;
+    parts_bytes_ -= std::min<uint64_t>(parts_bytes, parts_bytes_);
+    NoteUsedJobId(job_id);
+  }
+  absl::Status status = RemoveFilesOf(job_id);
+  if (status.ok()) {
+    const MutexLock lock(&database_mutex_);
+    status = rows::NoteFilesRemoved(job_id, database_.get());
+  }
+  if (!status.ok()) {
+    LogWarning(absl::StrCat("job ", job_id, " is removed, but files of it are left until the next ",
+                            "start: ", status.message()));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::RemoveFilesOf(uint64_t job_id) {
+  absl::Status status = parts_->RemoveFolder(absl::StrCat(job_id, "/"));
+  if (!status.ok()) return status;
+  std::error_code error;
+  const std::string images = absl::StrCat(directory_, "/outputs/", job_id);
+  std::filesystem::remove_all(images, error);
+  if (error) return absl::UnavailableError(absl::StrCat(images, ": ", error.message()));
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::FinishRemovals() {
+  const absl::StatusOr<std::vector<uint64_t>> removed = rows::RemovedJobs(database_.get());
+  if (!removed.ok()) return removed.status();
+  for (const uint64_t job_id : *removed) {
+    NoteUsedJobId(job_id);
+    absl::Status status = RemoveFilesOf(job_id);
+    if (status.ok()) status = rows::NoteFilesRemoved(job_id, database_.get());
+    if (!status.ok()) LogWarning(absl::StrCat("removing what is left: ", status.message()));
+  }
+  // For unfinished jobs, LoadParts checks each part.
+  const absl::StatusOr<std::vector<uint64_t>> ended = rows::EndedJobs(database_.get());
+  if (!ended.ok()) return ended.status();
+  const std::set<uint64_t> ended_ids(ended->begin(), ended->end());
+  const absl::StatusOr<std::vector<std::string>> jobs = parts_->ListFolders("");
+  if (!jobs.ok()) return jobs.status();
+  for (const std::string& job : *jobs) {
+    uint64_t job_id = 0;
+    if (!absl::SimpleAtoi(job, &job_id) || !ended_ids.contains(job_id)) continue;
+    if (absl::Status status = RemoveFramesWithoutParts(job_id); !status.ok()) return status;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status SqlJobStore::RemoveFramesWithoutParts(uint64_t job_id) {
+  const std::string folder = absl::StrCat(job_id, "/");
+  const absl::StatusOr<std::vector<std::string>> frames = parts_->ListFolders(folder);
+  if (!frames.ok()) return frames.status();
+  absl::Status removed;
+  if (frames->empty()) removed = parts_->RemoveFolder(folder);
+  for (const std::string& frame : *frames) {
+    int32_t number = 0;
+    if (!absl::SimpleAtoi(frame, &number)) continue;
+    const absl::StatusOr<bool> has_parts = rows::HasParts({job_id, number}, database_.get());
+    if (!has_parts.ok()) return has_parts.status();
+    if (!*has_parts) removed.Update(parts_->RemoveFolder(absl::StrCat(folder, frame, "/")));
+  }
+  if (!removed.ok()) LogWarning(absl::StrCat("removing what is left: ", removed.message()));
+  return absl::OkStatus();
 }
 
 absl::Status SqlJobStore::Probe() {

@@ -1,65 +1,30 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of SqlJobStore that stores parts: first the object, then the row, then the call
-// returns OK.
+// The calls of SqlJobStore about parts and their bytes: first the object, then the row, then the
+// call returns OK.
 #include <algorithm>
-#include <array>
+#include <map>
 #include <set>
-#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_join.h"
 #include "common/base/log.h"
-#include "coordinator/store/row_columns.h"
+#include "coordinator/store/part_rows.h"
 #include "coordinator/store/sql_job_store.h"
-#include "coordinator/store/stored_rows.h"
+#include "coordinator/store/usage_rows.h"
 
 namespace sheaf::coordinator {
 namespace {
 
 // The maximum parts of a group: their rows occupy the database for some milliseconds.
 constexpr size_t kGroupPartsMax = 1024;
-// Numbers of rows that one statement may insert: the first that is at most the number left. Each
-// statement is prepared once per connection, so there are few; with the columns of a row they stay
-// far below SQLite's 32,766 parameters.
-constexpr std::array<size_t, 4> kStatementRows = {128, 32, 8, 2};
-
-absl::Status KeyHasPart() { return absl::AlreadyExistsError("the key has a part already"); }
-
-size_t StatementRows(size_t left) {
-  const auto fits = std::ranges::find_if(kStatementRows, [left](size_t n) { return n <= left; });
-  return fits == kStatementRows.end() ? 1 : *fits;
-}
-
-// Inserts several rows by one statement, because PostgreSQL answers each statement after a round
-// trip (docs/adr/0081). Reports for each row whether it is stored; a row whose key has a part is
-// not.
-// Requires: no two rows are equal.
-absl::StatusOr<std::vector<bool>> InsertTogether(std::span<const PartRow* const> rows,
-                                                 Database* database) {
-  const std::string marks =
-      absl::StrJoin(std::vector<std::string>(ColumnsOf<Sealed<PartRow>>().size(), "?"), ",");
-  std::string sql = absl::StrCat("INSERT ", IntoTable<Sealed<PartRow>>("parts"));
-  for (size_t i = 1; i < rows.size(); ++i) absl::StrAppend(&sql, ",(", marks, ")");
-  Statement insert = database->Prepare(absl::StrCat(sql, " ON CONFLICT DO NOTHING RETURNING seal"));
-  std::vector<int64_t> seals;
-  for (const PartRow* row : rows) {
-    const Sealed<PartRow> sealed = Seal(*row);
-    seals.push_back(sealed.seal);
-    BindRow(sealed, &insert);
-  }
-  std::set<int64_t> stored;
-  while (true) {
-    const absl::StatusOr<bool> row = insert.Step();
-    if (!row.ok()) return row.status();
-    if (!*row) break;
-    stored.insert(insert.Int64(0));
-  }
-  std::vector<bool> is_stored;
-  for (const int64_t seal : seals) is_stored.push_back(stored.contains(seal));
-  return is_stored;
+Usage UsageOfPart(const PartRow& row) {
+  return {.result_count = 1,
+          .sample_count = row.sample_count,
+          .ray_count = row.cost.ray_count,
+          .cpu_duration = row.cost.cpu_duration,
+          .part_bytes = row.digest.size_bytes};
 }
 
 }  // namespace
@@ -86,6 +51,22 @@ class SqlJobStore::NameReservation {
   SqlJobStore& store_;
   const std::string name_;
 };
+
+std::string SqlJobStore::FolderOf(const FrameId& frame) {
+  return absl::StrCat(frame.job_id, "/", frame.frame_number, "/");
+}
+
+std::string SqlJobStore::NameOf(const PartRow& row) {
+  const PixelRect& t = row.key.tile;
+  return absl::StrCat(FolderOf(row.key.frame), t.x0, "_", t.y0, "_", t.x1, "_", t.y1, "-",
+                      row.key.block.first, "-", row.key.block.count, "-",
+                      row.digest.sha256_hex.substr(0, 16),
+                      row.key.kind == TaskKind::kTraining ? ".field" : ".exr");
+}
+
+std::string SqlJobStore::PartPath(const PartRow& row) const {
+  return absl::StrCat(directory_, "/parts/", NameOf(row));
+}
 
 absl::Status SqlJobStore::WritePart(const PartRow& row, const std::string& bytes) {
   const NameReservation reservation(this, NameOf(row));
@@ -181,99 +162,64 @@ void SqlJobStore::CommitGroup(const std::vector<PendingPart*>& parts) {
 }
 
 absl::Status SqlJobStore::CommitRows(const std::vector<PendingPart*>& parts) {
+  std::vector<const PartRow*> of_parts;
+  for (const PendingPart* pending : parts) of_parts.push_back(pending->row);
+  std::vector<absl::Status> outcomes;
   const MutexLock lock(&database_mutex_);
-  return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
-    std::span<PendingPart* const> left(parts);
-    while (!left.empty()) {
-      const auto together = left.first(StatementRows(left.size()));
-      left = left.subspan(together.size());
-      if (together.size() == 1) {
-        PendingPart* const pending = together.front();
-        pending->status = InsertRow(*pending->row);
-        // A key that exists already affects only its own row. Other errors may have ended the
-        // transaction, and later rows would then be inserted outside it.
-        if (!pending->status.ok() && !absl::IsAlreadyExists(pending->status)) {
-          return pending->status;
+  absl::Status status =
+      database_->InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+        absl::Status inserted = rows::InsertParts(of_parts, &outcomes, database_.get());
+        if (!inserted.ok()) return inserted;
+        std::map<uint64_t, Usage> by_job;
+        for (size_t i = 0; i < of_parts.size(); ++i) {
+          if (!outcomes[i].ok()) continue;  // Its key has a row already.
+          by_job[of_parts[i]->key.frame.job_id] += UsageOfPart(*of_parts[i]);
         }
-        continue;
-      }
-      std::vector<const PartRow*> rows;
-      for (const PendingPart* pending : together) rows.push_back(pending->row);
-      const absl::StatusOr<std::vector<bool>> is_stored = InsertTogether(rows, database_.get());
-      if (!is_stored.ok()) return is_stored.status();
-      for (size_t i = 0; i < together.size(); ++i) {
-        if (!(*is_stored)[i]) together[i]->status = KeyHasPart();
-      }
+        // In the transaction of the rows: it costs no extra commit, and the two always agree.
+        for (const auto& [job_id, usage] : by_job) {
+          absl::Status added = rows::AddUsage({job_id}, usage, database_.get());
+          if (!added.ok()) return added;
+        }
+        return absl::OkStatus();
+      });
+  for (size_t i = 0; i < outcomes.size(); ++i) parts[i]->status = outcomes[i];
+  return status;
+}
+
+absl::StatusOr<JobStore::LoadedParts> SqlJobStore::LoadParts(uint64_t job_id) {
+  LoadedParts loaded;
+  std::vector<PartRow> with_row;
+  {
+    const MutexLock lock(&database_mutex_);
+    absl::StatusOr<std::vector<PartRow>> all =
+        rows::LoadPartRows(job_id, &loaded.lost, database_.get());
+    if (!all.ok()) return all.status();
+    with_row = std::move(*all);
+  }
+  std::map<std::string, uint64_t> stored;  // Sizes by name.
+  absl::Status listed = parts_->List(
+      absl::StrCat(job_id, "/"),
+      [&stored](const StoredObject& object) { stored[object.key] = object.size_bytes; });
+  if (!listed.ok()) return listed;
+  std::set<std::string> known, lost;
+  for (const PartRow& row : loaded.lost) lost.insert(NameOf(row));
+  for (PartRow& row : with_row) {
+    const std::string name = NameOf(row);
+    const auto object = stored.find(name);
+    if (object == stored.end() || object->second != row.digest.size_bytes) {
+      lost.insert(name);
+      loaded.lost.push_back(std::move(row));
+      continue;
     }
-    return AddUsageOf(parts);
-  });
-}
-
-absl::Status SqlJobStore::InsertRow(const PartRow& row) {
-  // An error would end a transaction of PostgreSQL.
-  Statement insert = database_->Prepare(
-      absl::StrCat("INSERT ", IntoTable<Sealed<PartRow>>("parts"), " ON CONFLICT DO NOTHING"));
-  if (absl::Status status = BindRow(Seal(row), &insert).Run(); !status.ok()) return status;
-  return database_->ChangedRows() == 1 ? absl::OkStatus() : KeyHasPart();
-}
-
-absl::StatusOr<std::optional<PartRow>> SqlJobStore::FindPart(const PartKey& key) {
-  const MutexLock lock(&database_mutex_);
-  Statement query = database_->Prepare(
-      absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"),
-                   "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
-                   "count = ? AND cells = ? AND kind = ?"));
-  query.Bind(key.frame.job_id)
-      .Bind(key.frame.frame_number)
-      .Bind(key.tile.y0)
-      .Bind(key.tile.x0)
-      .Bind(key.block.first)
-      .Bind(key.block.count)
-      .Bind(key.cells.mask)
-      .Bind(StoredForm(key.kind));
-  absl::StatusOr<std::vector<PartRow>> rows = ReadPartRows(&query);
-  if (!rows.ok()) return rows.status();
-  if (rows->empty()) return std::optional<PartRow>();
-  return std::optional<PartRow>(std::move(rows->front()));
-}
-
-absl::StatusOr<std::vector<PartRow>> SqlJobStore::FindTileParts(const FrameId& frame,
-                                                                const PixelRect& tile,
-                                                                TaskKind kind) {
-  const MutexLock lock(&database_mutex_);
-  Statement query = database_->Prepare(
-      absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"),
-                   "WHERE job_id = ? AND frame_number = ? AND kind = ? AND y0 = ? AND x0 = ? "
-                   "ORDER BY first"));
-  query.Bind(frame.job_id)
-      .Bind(frame.frame_number)
-      .Bind(StoredForm(kind))
-      .Bind(tile.y0)
-      .Bind(tile.x0);
-  return ReadPartRows(&query);
-}
-
-absl::StatusOr<std::vector<PartRow>> SqlJobStore::ListParts(uint64_t job_id) {
-  const MutexLock lock(&database_mutex_);
-  Statement query =
-      database_->Prepare(absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"), "WHERE job_id = ?"));
-  query.Bind(job_id);
-  return ReadPartRows(&query);
-}
-
-absl::StatusOr<std::vector<JobStore::TileCost>> SqlJobStore::TileCosts(const FrameId& frame) {
-  const MutexLock lock(&database_mutex_);
-  Statement query = database_->Prepare(
-      absl::StrCat(SelectFrom<TileCost>("parts"),
-                   "WHERE job_id = ? AND frame_number = ? AND kind = ? GROUP BY y0, x0, y1, x1"));
-  query.Bind(frame.job_id).Bind(frame.frame_number).Bind(StoredForm(TaskKind::kCamera));
-  std::vector<TileCost> costs;
-  absl::Status read = ReadRows<TileCost>(&query, [&costs](const TileCost& cost) {
-    costs.push_back(cost);
-    return absl::OkStatus();
-  });
-  if (!read.ok()) return read;
-  return costs;
+    known.insert(name);
+    loaded.rows.push_back(std::move(row));
+  }
+  for (const auto& [name, size_bytes] : stored) {
+    if (known.contains(name)) continue;
+    if (!lost.contains(name) && name.ends_with(".exr")) ++loaded.files_without_row;
+    parts_->Remove(name).IgnoreError();  // Nothing reads it.
+  }
+  return loaded;
 }
 
 absl::StatusOr<std::string> SqlJobStore::ReadPart(const PartRow& row) {
@@ -281,28 +227,13 @@ absl::StatusOr<std::string> SqlJobStore::ReadPart(const PartRow& row) {
 }
 
 absl::Status SqlJobStore::RemovePart(const PartRow& row) {
-  uint64_t bytes = 0;  // 0 if the row is already gone.
+  absl::StatusOr<uint64_t> bytes = 0;
   {
     const MutexLock lock(&database_mutex_);
-    Statement removal = database_->Prepare(
-        "DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
-        "AND first = ? AND count = ? AND cells = ? AND kind = ? RETURNING size_bytes");
-    removal.Bind(row.key.frame.job_id)
-        .Bind(row.key.frame.frame_number)
-        .Bind(row.key.tile.y0)
-        .Bind(row.key.tile.x0)
-        .Bind(row.key.block.first)
-        .Bind(row.key.block.count)
-        .Bind(row.key.cells.mask)
-        .Bind(StoredForm(row.key.kind));
-    while (true) {
-      const absl::StatusOr<bool> removed = removal.Step();
-      if (!removed.ok()) return removed.status();
-      if (!*removed) break;
-      bytes = static_cast<uint64_t>(removal.Int64(0));
-    }
+    bytes = rows::DeletePart(row.key, database_.get());
   }
-  parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
+  if (!bytes.ok()) return bytes.status();
+  parts_bytes_ -= std::min<uint64_t>(*bytes, parts_bytes_);
   // A remaining object has no row, and is removed with its frame or at the next start.
   const absl::Status gone = parts_->Remove(NameOf(row));
   if (!gone.ok()) LogWarning(absl::StrCat("removing a part: ", gone.message()));
@@ -310,42 +241,19 @@ absl::Status SqlJobStore::RemovePart(const PartRow& row) {
 }
 
 absl::Status SqlJobStore::RemoveFrameParts(const FrameId& frame) {
-  uint64_t bytes = 0;
+  absl::StatusOr<uint64_t> bytes = 0;
   {
     const MutexLock lock(&database_mutex_);
-    Statement sum = database_->Prepare(
-        "SELECT CAST(COALESCE(SUM(size_bytes), 0) AS BIGINT) FROM parts "
-        "WHERE job_id = ? AND frame_number = ?");
-    const absl::StatusOr<bool> row = sum.Bind(frame.job_id).Bind(frame.frame_number).Step();
-    if (!row.ok()) return row.status();
-    bytes = static_cast<uint64_t>(sum.Int64(0));
-    absl::Status status =
-        database_->Prepare("DELETE FROM parts WHERE job_id = ? AND frame_number = ?")
-            .Bind(frame.job_id)
-            .Bind(frame.frame_number)
-            .Run();
-    if (!status.ok()) return status;
+    bytes = rows::DeleteFrameParts(frame, database_.get());
   }
-  parts_bytes_ -= std::min<uint64_t>(bytes, parts_bytes_);
+  if (!bytes.ok()) return bytes.status();
+  parts_bytes_ -= std::min<uint64_t>(*bytes, parts_bytes_);
   const absl::Status gone = parts_->RemoveFolder(FolderOf(frame));
   if (!gone.ok()) {
     LogWarning(
         absl::StrCat("removing parts; some are left until the next start: ", gone.message()));
   }
   return absl::OkStatus();
-}
-
-absl::StatusOr<std::optional<FrameId>> SqlJobStore::OldestDeliveredWithParts() {
-  const MutexLock lock(&database_mutex_);
-  Statement query = database_->Prepare(
-      "SELECT parts.job_id, parts.frame_number FROM parts JOIN frames USING(job_id, frame_number) "
-      "JOIN jobs USING(job_id) WHERE (delivered = 1 OR phase = ?) AND pinned = 0 "
-      "ORDER BY parts.job_id, parts.frame_number LIMIT 1");
-  const absl::StatusOr<bool> row = query.Bind(StoredForm(JobPhase::kFailed)).Step();
-  if (!row.ok()) return row.status();
-  if (!*row) return std::optional<FrameId>();
-  return std::optional<FrameId>(
-      FrameId{static_cast<uint64_t>(query.Int64(0)), static_cast<int32_t>(query.Int64(1))});
 }
 
 }  // namespace sheaf::coordinator

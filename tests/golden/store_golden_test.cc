@@ -109,8 +109,8 @@ TEST_F(StoreGoldenTest, RowsOfAJobAreUnchanged) {
   failures.count = 6;
   ASSERT_TRUE(store_->WriteFailures(id, failures).ok());
   ASSERT_TRUE(store_->WriteTroubles({MadeUpTrouble(id)}).ok());
-  ASSERT_TRUE(store_->SetPinned(id, true).ok());
-  ASSERT_TRUE(store_->SetPaused(id, true).ok());
+  ASSERT_TRUE(store_->ChangeJob(id, {.pinned = true}).ok());
+  ASSERT_TRUE(store_->ChangeJob(id, {.paused = true}).ok());
   ASSERT_TRUE(store_->SetWarning(id, "corrected").ok());
   ASSERT_TRUE(store_->WriteShare({ShareKind::kUser, "anna"}, {2.5, 12}).ok());
   ASSERT_TRUE(store_->WriteDrains({{"w-1", true, absl::FromUnixSeconds(70)}}).ok());

@@ -96,14 +96,11 @@ class PromisingStore : public coordinator::JobStore {
   absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override {
     return store_->FindPartsOf(identity);
   }
-  absl::Status SetPaused(uint64_t job_id, bool paused) override {
-    absl::Status status = store_->SetPaused(job_id, paused);
-    promises_.Paused(job_id, paused, Certain(status));
-    return status;
-  }
-  absl::Status SetPriority(uint64_t job_id, int32_t priority) override {
-    absl::Status status = store_->SetPriority(job_id, priority);
-    promises_.Prioritized(job_id, priority, Certain(status));
+  // Farms of the simulation keep everything, unless parts exceed their limit.
+  absl::Status ChangeJob(uint64_t job_id, const coordinator::JobChange& change) override {
+    absl::Status status = store_->ChangeJob(job_id, change);
+    if (change.paused) promises_.Paused(job_id, *change.paused, Certain(status));
+    if (change.priority) promises_.Prioritized(job_id, *change.priority, Certain(status));
     return status;
   }
   absl::Status ReleaseJob(uint64_t job_id) override { return store_->ReleaseJob(job_id); }
@@ -115,13 +112,6 @@ class PromisingStore : public coordinator::JobStore {
   }
   absl::StatusOr<std::vector<coordinator::DrainRecord>> LoadDrains() override {
     return store_->LoadDrains();
-  }
-  // Farms of the simulation keep everything, unless parts exceed their limit.
-  absl::Status SetPinned(uint64_t job_id, bool pinned) override {
-    return store_->SetPinned(job_id, pinned);
-  }
-  absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) override {
-    return store_->NotePartsRemoved(job_id, time);
   }
   absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override {
     return store_->PartsBytesByJob();

@@ -204,7 +204,7 @@ TEST_F(DamageTest, StatesThatChangeAreFound) {
   for (const char* change : {"paused = 1", "phase = 2", "priority = 64", "pinned = 1"}) {
     SCOPED_TRACE(change);
     ASSERT_TRUE(Start().ok());
-    ASSERT_TRUE(store_->SetPaused(1, false).ok());  // Seals the job as it is.
+    ASSERT_TRUE(store_->ChangeJob(1, {.paused = false}).ok());  // Seals the job as it is.
     EXPECT_EQ(DamageAfterStart(), "");
     Change(absl::StrCat("UPDATE jobs SET ", change));
     EXPECT_EQ(DamageAfterStart(), "the job's state");
@@ -212,12 +212,12 @@ TEST_F(DamageTest, StatesThatChangeAreFound) {
 }
 
 TEST_F(DamageTest, StatesThatAreChangedOnPurposeAreNotDamaged) {
-  ASSERT_TRUE(store_->SetPaused(1, true).ok());
-  ASSERT_TRUE(store_->SetPriority(1, 7).ok());
-  ASSERT_TRUE(store_->SetPinned(1, true).ok());
+  ASSERT_TRUE(store_->ChangeJob(1, {.paused = true}).ok());
+  ASSERT_TRUE(store_->ChangeJob(1, {.priority = 7}).ok());
+  ASSERT_TRUE(store_->ChangeJob(1, {.pinned = true}).ok());
   EXPECT_EQ(DamageAfterStart(), "");
   ASSERT_TRUE(store_->EndJob(1, JobPhase::kSucceeded, "", absl::Now(), absl::Seconds(1)).ok());
-  ASSERT_TRUE(store_->NotePartsRemoved(1, absl::Now()).ok());
+  ASSERT_TRUE(store_->ChangeJob(1, {.parts_removed_time = absl::Now()}).ok());
   EXPECT_EQ(DamageAfterStart(), "");
   auto jobs = store_->LoadJobs();
   ASSERT_TRUE(jobs.ok());

@@ -159,8 +159,8 @@ TEST_P(JobStoreTest, JobsSurviveAReopen) {
 
 TEST_P(JobStoreTest, PauseAndPrioritySurviveAReopenUntilTheEnd) {
   const uint64_t job = CreateJob();
-  ASSERT_TRUE(store_->SetPaused(job, true).ok());
-  ASSERT_TRUE(store_->SetPriority(job, 17).ok());
+  ASSERT_TRUE(store_->ChangeJob(job, {.paused = true}).ok());
+  ASSERT_TRUE(store_->ChangeJob(job, {.priority = 17}).ok());
   Reopen();
   EXPECT_TRUE((*store_->LoadJobs())[0].paused);
   EXPECT_EQ((*store_->LoadJobs())[0].spec.priority, 17);

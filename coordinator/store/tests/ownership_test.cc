@@ -116,7 +116,7 @@ TEST_P(OwnershipTest, ADeposedOwnerStoresNothing) {
   ASSERT_TRUE(after->WritePart(RowOf("two", 16), "two").ok());
 
   EXPECT_TRUE(absl::IsAborted(before->WritePart(RowOf("three", 32), "three")));
-  EXPECT_TRUE(absl::IsAborted(before->SetPinned(1, true)));
+  EXPECT_TRUE(absl::IsAborted(before->ChangeJob(1, {.pinned = true})));
   EXPECT_TRUE(absl::IsAborted(before->RemovePart(RowOf("one", 0))));
   EXPECT_TRUE(absl::IsAborted(before->RemoveShare({ShareKind::kUser, "anna"})));
   EXPECT_TRUE(absl::IsAborted(before->Probe()));

@@ -59,8 +59,8 @@ class RetentionTest : public JobStoreFixture {
 
 TEST_P(RetentionTest, PinsAndRemovedPartsSurviveAReopen) {
   const uint64_t job = FinishedJob("a");
-  ASSERT_TRUE(store_->SetPinned(job, true).ok());
-  ASSERT_TRUE(store_->NotePartsRemoved(job, absl::FromUnixSeconds(300)).ok());
+  ASSERT_TRUE(store_->ChangeJob(job, {.pinned = true}).ok());
+  ASSERT_TRUE(store_->ChangeJob(job, {.parts_removed_time = absl::FromUnixSeconds(300)}).ok());
   Reopen();
   auto jobs = store_->LoadJobs();
   ASSERT_TRUE(jobs.ok() && jobs->size() == 1);
@@ -70,7 +70,7 @@ TEST_P(RetentionTest, PinsAndRemovedPartsSurviveAReopen) {
   FrameSpec spec = (*jobs)[0].spec.frames[0];
   spec.resumed = {Sha256Hex("image"), 5};
   ASSERT_TRUE(store_->ReopenJob(job, {{spec, {}}}).ok());
-  ASSERT_TRUE(store_->SetPinned(job, false).ok());
+  ASSERT_TRUE(store_->ChangeJob(job, {.pinned = false}).ok());
   Reopen();
   jobs = store_->LoadJobs();
   ASSERT_TRUE(jobs.ok() && jobs->size() == 1);
@@ -90,9 +90,9 @@ TEST_P(RetentionTest, PartsAreCountedByJob) {
 TEST_P(RetentionTest, PartsOfPinnedJobsAreNotTheOldest) {
   const uint64_t first = FinishedJob("a"), second = FinishedJob("b");
   EXPECT_EQ((*store_->OldestDeliveredWithParts())->job_id, first);
-  ASSERT_TRUE(store_->SetPinned(first, true).ok());
+  ASSERT_TRUE(store_->ChangeJob(first, {.pinned = true}).ok());
   EXPECT_EQ((*store_->OldestDeliveredWithParts())->job_id, second);
-  ASSERT_TRUE(store_->SetPinned(second, true).ok());
+  ASSERT_TRUE(store_->ChangeJob(second, {.pinned = true}).ok());
   EXPECT_FALSE(store_->OldestDeliveredWithParts()->has_value());
 }
 

@@ -20,7 +20,7 @@
 
 namespace sheaf::coordinator {
 
-// Thread safety: that of its members.
+// Thread safety: each member has its own.
 struct JobContext {
   const FarmOptions options;
   const std::string numeric_profile;  // Given to new jobs.

@@ -124,7 +124,7 @@ absl::Status JobControl::SetPaused(uint64_t job_id, bool paused) {
     if (!live.ok()) return live;
   }
   // Written even if nothing changes: an earlier write that failed may reappear after a power cut.
-  absl::Status written = context_.store.SetPaused(job_id, paused);
+  absl::Status written = context_.store.ChangeJob(job_id, {.paused = paused});
   context_.disk.Note(written);
   if (!written.ok()) return written;
   {
@@ -153,7 +153,7 @@ absl::Status JobControl::SetJobPriority(uint64_t job_id, const JobArguments& arg
     if (!live.ok()) return live;
   }
   // Written even if it has the priority, as in SetPaused.
-  absl::Status written = context_.store.SetPriority(job_id, priority);
+  absl::Status written = context_.store.ChangeJob(job_id, {.priority = priority});
   context_.disk.Note(written);
   if (!written.ok()) return written;
   {
@@ -207,7 +207,7 @@ absl::Status JobControl::SetPinned(uint64_t job_id, bool pinned) {
     if (absl::Status there = context_.tables.FindJob(job_id).status(); !there.ok()) return there;
   }
   // Written even if nothing changes, as in SetPaused.
-  absl::Status written = context_.store.SetPinned(job_id, pinned);
+  absl::Status written = context_.store.ChangeJob(job_id, {.pinned = pinned});
   context_.disk.Note(written);
   if (!written.ok()) return written;
   {

@@ -34,7 +34,7 @@ absl::Status JobRemoval::RemoveParts(uint64_t job_id, absl::Time now) {
       frames.push_back({job_id, frame.number()});
     }
   }
-  absl::Status status = context_.store.NotePartsRemoved(job_id, now);
+  absl::Status status = context_.store.ChangeJob(job_id, {.parts_removed_time = now});
   if (status.ok()) {
     const MutexLock lock(&context_.tables.mutex);
     context_.tables.accounts.at(job_id).parts_removed_time = now;

@@ -75,13 +75,9 @@ class GatedJobStore : public JobStore {
   absl::StatusOr<std::vector<PartRow>> FindPartsOf(const std::string& identity) override {
     return store_->FindPartsOf(identity);
   }
-  absl::Status SetPaused(uint64_t job_id, bool paused) override {
+  absl::Status ChangeJob(uint64_t job_id, const JobChange& change) override {
     ++control_writes_;
-    return full_ ? Full() : store_->SetPaused(job_id, paused);
-  }
-  absl::Status SetPriority(uint64_t job_id, int32_t priority) override {
-    ++control_writes_;
-    return full_ ? Full() : store_->SetPriority(job_id, priority);
+    return full_ ? Full() : store_->ChangeJob(job_id, change);
   }
   absl::Status ReleaseJob(uint64_t job_id) override { return store_->ReleaseJob(job_id); }
   absl::Status WriteDrains(const std::vector<DrainRecord>& records) override {
@@ -91,12 +87,6 @@ class GatedJobStore : public JobStore {
     return store_->RemoveDrains(worker_ids);
   }
   absl::StatusOr<std::vector<DrainRecord>> LoadDrains() override { return store_->LoadDrains(); }
-  absl::Status SetPinned(uint64_t job_id, bool pinned) override {
-    return store_->SetPinned(job_id, pinned);
-  }
-  absl::Status NotePartsRemoved(uint64_t job_id, absl::Time time) override {
-    return store_->NotePartsRemoved(job_id, time);
-  }
   absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override {
     return store_->PartsBytesByJob();
   }

@@ -1,17 +1,14 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of SqlJobStore that stores failed leases, for display, and the workers that failed each
-// task.
+#include "coordinator/store/failure_rows.h"
+
 #include <utility>
-#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "coordinator/store/row_columns.h"
-#include "coordinator/store/sql_job_store.h"
 #include "coordinator/store/stored_rows.h"
 
-namespace sheaf::coordinator {
+namespace sheaf::coordinator::rows {
 namespace {
 
 // A row for each worker and class; a last one, without a count, for a task that is set aside.
@@ -30,18 +27,17 @@ bool IsSameTask(const TaskTrouble& a, const TaskTrouble& b) {
 
 }  // namespace
 
-absl::Status SqlJobStore::WriteFailures(uint64_t job_id, const FailureLog& failures) {
-  const MutexLock lock(&database_mutex_);
-  return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
-    absl::Status status = database_->Prepare("UPDATE jobs SET failure_count = ? WHERE job_id = ?")
+absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures, Database* database) {
+  return database->InTransaction([&]() {
+    absl::Status status = database->Prepare("UPDATE jobs SET failure_count = ? WHERE job_id = ?")
                               .Bind(failures.count)
                               .Bind(job_id)
                               .Run();
     if (!status.ok()) return status;
-    status = database_->Prepare("DELETE FROM failures WHERE job_id = ?").Bind(job_id).Run();
+    status = database->Prepare("DELETE FROM failures WHERE job_id = ?").Bind(job_id).Run();
     if (!status.ok()) return status;
     Statement insert =
-        database_->Prepare(absl::StrCat("INSERT ", IntoTable<FailureRow>("failures")));
+        database->Prepare(absl::StrCat("INSERT ", IntoTable<FailureRow>("failures")));
     int64_t position = 0;
     for (const FailureRecord& failure : failures.last) {
       status = BindRow(FailureRow{job_id, position++, failure}, &insert).Run();
@@ -51,8 +47,8 @@ absl::Status SqlJobStore::WriteFailures(uint64_t job_id, const FailureLog& failu
   });
 }
 
-absl::Status SqlJobStore::LoadFailures(const std::map<uint64_t, StoredJob*>& jobs) {
-  Statement query = database_->Prepare(
+absl::Status LoadFailures(const std::map<uint64_t, StoredJob*>& jobs, Database* database) {
+  Statement query = database->Prepare(
       absl::StrCat(SelectFrom<FailureRow>("failures"), "ORDER BY job_id, position"));
   return ReadRows<FailureRow>(&query, [&jobs](FailureRow row) {
     const auto job = jobs.find(row.job_id);
@@ -61,15 +57,14 @@ absl::Status SqlJobStore::LoadFailures(const std::map<uint64_t, StoredJob*>& job
   });
 }
 
-absl::Status SqlJobStore::WriteTroubles(const std::vector<TaskTrouble>& troubles) {
+absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles, Database* database) {
   if (troubles.empty()) return absl::OkStatus();
-  const MutexLock lock(&database_mutex_);
-  return InTransaction([&]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(database_mutex_) {
+  return database->InTransaction([&]() {
     Statement insert =
-        database_->Prepare(absl::StrCat("INSERT ", IntoTable<Sealed<TroubleRow>>("task_failures")));
+        database->Prepare(absl::StrCat("INSERT ", IntoTable<Sealed<TroubleRow>>("task_failures")));
     for (const TaskTrouble& trouble : troubles) {
       absl::Status status =
-          database_
+          database
               ->Prepare(
                   "DELETE FROM task_failures WHERE job_id = ? AND frame_number = ? AND "
                   "task_kind = ? AND y0 = ? AND x0 = ? AND first = ? AND count = ? AND cells = ?")
@@ -92,13 +87,8 @@ absl::Status SqlJobStore::WriteTroubles(const std::vector<TaskTrouble>& troubles
   });
 }
 
-absl::StatusOr<std::vector<TaskTrouble>> SqlJobStore::LoadTroubles(uint64_t job_id) {
-  const MutexLock lock(&database_mutex_);
-  return ReadTroubles(job_id);
-}
-
-absl::StatusOr<std::vector<TaskTrouble>> SqlJobStore::ReadTroubles(uint64_t job_id) {
-  Statement query = database_->Prepare(absl::StrCat(
+absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id, Database* database) {
+  Statement query = database->Prepare(absl::StrCat(
       SelectFrom<Sealed<TroubleRow>>("task_failures"),
       "WHERE job_id = ? ORDER BY frame_number, task_kind, y0, x0, first, count, cells, "
       "worker_id, kind"));
@@ -120,4 +110,4 @@ absl::StatusOr<std::vector<TaskTrouble>> SqlJobStore::ReadTroubles(uint64_t job_
   return troubles;
 }
 
-}  // namespace sheaf::coordinator
+}  // namespace sheaf::coordinator::rows
