@@ -224,6 +224,24 @@ absl::StatusOr<std::string> FarmClient::ReadFrameOutput(const std::string& name,
   return bytes;
 }
 
+absl::Status FarmClient::ReadTaskBundle(
+    const v1::ReadTaskBundleRequest& request,
+    const std::function<absl::Status(const v1::ReadTaskBundleResponse&)>& take) {
+  absl::Status taken;
+  const absl::Status status = Call(
+      [&](grpc::ClientContext* context) -> absl::Status {
+        const auto reader = jobs_->ReadTaskBundle(context, request);
+        v1::ReadTaskBundleResponse response;
+        while (taken.ok() && reader->Read(&response)) taken = take(response);
+        if (taken.ok()) return FromGrpcStatus(reader->Finish());
+        context->TryCancel();
+        reader->Finish();
+        return absl::AbortedError("the bundle is not taken");  // No attempt changes that.
+      },
+      kStreamDeadline);
+  return taken.ok() ? status : taken;
+}
+
 absl::StatusOr<v1::Job> FarmClient::WatchJob(const std::string& name,
                                              const std::function<void(const v1::Job&)>& on_change) {
   v1::WatchJobRequest request;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 #include <variant>
 
 #include "absl/strings/str_cat.h"
@@ -70,6 +71,45 @@ void AddPrincipledMedia(SceneDescription* scene, Diagnostics* diagnostics) {
         medium_of.emplace(index, static_cast<int32_t>(scene->media.size()));
     if (is_new) scene->media.push_back(AbsorbingMedium(material, description));
     shape.media.inside = entry->second;
+  }
+}
+
+void AddPrincipledEmission(SceneDescription* scene, Diagnostics* diagnostics) {
+  std::map<int32_t, int32_t> light_of;
+  const auto emits = [](const PrincipledMaterial& material) {
+    return !material.emission.rgb.IsBlack() && material.emission_strength > 0;
+  };
+  const auto emission_of = [&](const ShapeDescription& shape) -> const PrincipledMaterial* {
+    const int32_t index = PrincipledOf(*scene, shape.material);
+    if (index == kNone) return nullptr;
+    const auto& material =
+        std::get<PrincipledMaterial>(scene->materials[static_cast<size_t>(index)].material);
+    return emits(material) ? &material : nullptr;
+  };
+  for (const int32_t shape_index : scene->world_shapes) {
+    ShapeDescription& shape = scene->shapes[static_cast<size_t>(shape_index)];
+    const PrincipledMaterial* material = emission_of(shape);
+    if (material == nullptr || shape.area_light != kNone) continue;
+    const auto [entry, is_new] =
+        light_of.emplace(shape.material, static_cast<int32_t>(scene->area_lights.size()));
+    if (is_new) {
+      AreaLightDescription light;
+      light.radiance = material->emission;
+      light.scale.scale = material->emission_strength;
+      light.location = scene->materials[static_cast<size_t>(shape.material)].location;
+      scene->area_lights.push_back(std::move(light));
+    }
+    shape.area_light = entry->second;
+  }
+  for (const ObjectDefinition& object : scene->objects) {
+    for (const int32_t shape_index : object.shapes) {
+      const ShapeDescription& shape = scene->shapes[static_cast<size_t>(shape_index)];
+      if (emission_of(shape) == nullptr) continue;
+      diagnostics->Warning(shape.location,
+                           "shapes of an object emit no light; the emission of "
+                           "the material is ignored here");
+      break;
+    }
   }
 }
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/scene/pbrt/principled_media.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
 #include "common/scene/pbrt/statements/light_parameters.h"
 #include "common/scene/pbrt/statements/subsurface_reflectance.h"
@@ -317,7 +318,7 @@ void SceneBuilder::EndOfScene() {
   }
   SettleFrame(frame_, &scene_->camera, &scene_->film);
   FinishMedia();
-  FinishPrincipledEmission();
+  AddPrincipledEmission(scene_, diagnostics_);
   FinishObjects();
   shapes_.ReportSkipped();
   textures_.Finish();

@@ -111,9 +111,6 @@ class SceneBuilder {
   // Adds the interiors of subsurface materials to the media, and sets them inside the shapes of
   // those materials.
   void FinishSubsurface();
-  // Adds what principled materials emit to the shapes of those materials that have no area light of
-  // their own.
-  void FinishPrincipledEmission();
   void FinishObjects();
   // The index of "string name" in SceneDescription::matte_names; kNone without one, or where it
   // cannot be a name (reported).

@@ -48,25 +48,20 @@ class JobService final : public v1::JobService::Service {
   }
   SHEAF_JOB_CALLS(SHEAF_VERB)
 #undef SHEAF_VERB
-  // In job_service_retention.cc.
   grpc::Status CollectGarbage(grpc::ServerContext* context,
                               const v1::CollectGarbageRequest* request,
                               v1::CollectGarbageResponse* response) override;
-  // In job_service_bundle.cc.
   grpc::Status ReadTaskBundle(grpc::ServerContext* context,
                               const v1::ReadTaskBundleRequest* request,
                               grpc::ServerWriter<v1::ReadTaskBundleResponse>* writer) override;
-  // These three in job_service_shares.cc.
   grpc::Status SetShare(grpc::ServerContext* context, const v1::SetShareRequest* request,
                         v1::Share* response) override;
   grpc::Status ResetShare(grpc::ServerContext* context, const v1::ResetShareRequest* request,
                           v1::ResetShareResponse* response) override;
   grpc::Status ListShares(grpc::ServerContext* context, const v1::ListSharesRequest* request,
                           v1::ListSharesResponse* response) override;
-  // In job_service_usage.cc.
   grpc::Status ListUsage(grpc::ServerContext* context, const v1::ListUsageRequest* request,
                          v1::ListUsageResponse* response) override;
-  // These two in job_service_workers.cc.
   grpc::Status DrainWorkers(grpc::ServerContext* context, const v1::DrainWorkersRequest* request,
                             v1::DrainWorkersResponse* response) override;
   grpc::Status UndrainWorkers(grpc::ServerContext* context,

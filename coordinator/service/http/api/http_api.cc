@@ -13,6 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "coordinator/service/http/api/http_json.h"
 #include "coordinator/service/http/api/http_metrics.h"
+#include "coordinator/service/http/api/http_operations.h"
 #include "coordinator/service/http/image/false_color.h"
 
 namespace sheaf::coordinator {
@@ -153,7 +154,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
   const auto metrics = [this](const Request&) {
     HttpResponse response;
     response.content_type = kPrometheusContentType;
-    response.body = PrometheusText(Metrics());
+    response.body = PrometheusText(MetricsOf(farm_, access_, server_));
     return response;
   };
   const auto probe = [](const char* path, HttpFunction answer) {
@@ -165,7 +166,8 @@ std::vector<HttpRoute> HttpApi::Routes() {
   const std::string frame = job + "/frames/{}";
   std::vector<HttpRoute> routes = {
       probe("/healthz", [](const Request&) { return JsonResponse(HealthJson()); }),
-      probe("/readyz", [this](const Request&) { return Ready(); }),
+      probe("/readyz",
+            [this](const Request&) { return ReadyResponse(ConditionsOf(farm_, access_)); }),
       probe("/metrics", metrics),
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
       {"GET", job, [this](const Request& r) { return GetJob(r); }},
@@ -182,7 +184,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", "/api/v1/workers", [this](const Request& r) { return ListWorkers(r); }},
       {"GET", "/api/v1/session",
        [](const Request& r) { return JsonResponse(SessionJson(r.caller)); }},
-      {"GET", "/api/v1/usage", [this](const Request& r) { return GetUsage(r); }},
+      {"GET", "/api/v1/usage", [this](const Request& r) { return UsageResponse(actions_, r); }},
       {"GET", "/api/v1/counters", [this](const Request&) { return ListCounters(); }},
   };
   for (const JobVerbRow& row : kJobVerbs) {
@@ -374,7 +376,7 @@ HttpResponse HttpApi::ListWorkers(const HttpRequest& request) const {
 
 HttpResponse HttpApi::ListCounters() const {
   std::vector<std::string> counters;
-  for (const MetricView& metric : Metrics()) {
+  for (const MetricView& metric : MetricsOf(farm_, access_, server_)) {
     if (metric.kind != MetricView::Kind::kHistogram) counters.push_back(MetricJson(metric));
   }
   return JsonResponse(ListJson("counters", counters, ""));

@@ -141,19 +141,15 @@ class HttpApi {
   std::vector<HttpRoute> Routes();
 
  private:
-  HttpResponse Ready() const;  // These four in operations/http_operations.cc.
-  std::vector<ReadyCondition> Conditions() const;
-  HttpResponse GetUsage(const HttpRequest& request) const;
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
   HttpResponse ListFailures(const HttpRequest& request) const;
-  // Changes the job in the path, if the caller may, and responds with its new state: in
-  // http_verbs.cc, these two.
+  // Changes the job in the path, if the caller may, and responds with its new state.
   HttpResponse ChangeJob(const JobVerbRow& row, const HttpRequest& request) const;
   absl::Status TryChange(const JobVerbRow& row, const HttpRequest& request,
                          JobArguments arguments) const;
   HttpResponse GetRefinePrice(const HttpRequest& request) const;
-  HttpResponse GetLayers(const HttpRequest& request) const;  // These in viewing/http_viewing.cc.
+  HttpResponse GetLayers(const HttpRequest& request) const;
   HttpResponse GetPixel(const HttpRequest& request) const;
   HttpResponse GetFarm() const;
   // Whether the request is for an image that View makes, not for a cached preview.
@@ -166,8 +162,6 @@ class HttpApi {
   HttpResponse GetOutput(const HttpRequest& request) const;
   HttpResponse ListWorkers(const HttpRequest& request) const;
   HttpResponse ListCounters() const;
-  // Metrics of the farm and the server, the conditions of readiness, and refusals.
-  std::vector<MetricView> Metrics() const;
   // Finds the job and frame in the path. Errors: kNotFound, kInvalidArgument.
   absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
 

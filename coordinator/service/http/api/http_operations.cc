@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of HttpApi for operators of a farm.
+#include "coordinator/service/http/api/http_operations.h"
+
 #include <algorithm>
 #include <utility>
 
@@ -12,7 +12,7 @@
 
 namespace sheaf::coordinator {
 
-HttpResponse HttpApi::GetUsage(const HttpRequest& request) const {
+HttpResponse UsageResponse(const FarmActions& actions, const HttpRequest& request) {
   const std::string daily = QueryValue(request, "daily");
   const std::string format = QueryValue(request, "format");
   if (!daily.empty() && daily != "0" && daily != "1") {
@@ -28,7 +28,7 @@ HttpResponse HttpApi::GetUsage(const HttpRequest& request) const {
                       QueryValue(request, "until"), daily == "1");
   if (!query.ok()) return HttpErrorFromStatus(query.status());
   query->owner = AccessControl::UsageOwnerOf(request.caller);
-  const absl::StatusOr<UsageReport> report = actions_.list_usage(*query);
+  const absl::StatusOr<UsageReport> report = actions.list_usage(*query);
   if (!report.ok()) return HttpErrorFromStatus(report.status());
   if (format != "csv") return JsonResponse(UsageJson(*report));
   HttpResponse response;
@@ -39,16 +39,15 @@ HttpResponse HttpApi::GetUsage(const HttpRequest& request) const {
   return response;
 }
 
-std::vector<ReadyCondition> HttpApi::Conditions() const {
-  std::vector<ReadyCondition> conditions = farm_.Conditions();
-  if (access_ != nullptr) {
-    conditions.push_back({"certificate", access_->CheckCertificates(absl::Now())});
+std::vector<ReadyCondition> ConditionsOf(const FarmView& farm, const HttpAccess* access) {
+  std::vector<ReadyCondition> conditions = farm.Conditions();
+  if (access != nullptr) {
+    conditions.push_back({"certificate", access->CheckCertificates(absl::Now())});
   }
   return conditions;
 }
 
-HttpResponse HttpApi::Ready() const {
-  const std::vector<ReadyCondition> conditions = Conditions();
+HttpResponse ReadyResponse(const std::vector<ReadyCondition>& conditions) {
   const bool is_ready =
       std::all_of(conditions.begin(), conditions.end(),
                   [](const ReadyCondition& condition) { return condition.status.ok(); });
@@ -57,9 +56,10 @@ HttpResponse HttpApi::Ready() const {
   return response;
 }
 
-std::vector<MetricView> HttpApi::Metrics() const {
-  std::vector<MetricView> metrics = farm_.Metrics();
-  for (const ReadyCondition& condition : Conditions()) {
+std::vector<MetricView> MetricsOf(const FarmView& farm, const HttpAccess* access,
+                                  const ServerMetrics* server) {
+  std::vector<MetricView> metrics = farm.Metrics();
+  for (const ReadyCondition& condition : ConditionsOf(farm, access)) {
     metrics.push_back({"sheaf_ready", "Whether a condition for accepting work holds: 1 or 0.",
                        MetricView::Kind::kGauge, "condition", condition.name,
                        condition.status.ok() ? 1.0 : 0.0});
@@ -67,8 +67,8 @@ std::vector<MetricView> HttpApi::Metrics() const {
   const auto append = [&metrics](std::vector<MetricView> more) {
     for (MetricView& metric : more) metrics.push_back(std::move(metric));
   };
-  if (server_ != nullptr) append(server_->List());
-  if (access_ != nullptr) append(access_->Metrics());
+  if (server != nullptr) append(server->List());
+  if (access != nullptr) append(access->Metrics());
   return metrics;
 }
 
