@@ -75,7 +75,7 @@ def fire():
     counts, lower, upper = (36, 64, 36), (-0.6, 0, -0.6), (0.6, 2.2, 0.6)
     p = cells(counts, lower, upper)
     height = p[..., 1] / 2.2
-    # What rises sways.
+    # Rising parts sway.
     sway = np.stack([noise(p * [1.2, 1.6, 1.2] + 7 * k, random, 3) for k in range(2)], axis=-1)
     x = p[..., 0] + 0.28 * height * sway[..., 0]
     z = p[..., 2] + 0.28 * height * sway[..., 1]

@@ -248,7 +248,7 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "Where paths begin: at the camera; at the camera and at lights, which finds caustics and "
           "small lights behind glass sooner; or at lights alone where possible. +guiding: paths "
           "from the camera also go where a training, before the first sample, found light, for "
-          "rooms that are lit indirectly. +splitting: several paths go on from where that light "
+          "rooms that are lit indirectly. +splitting: several paths leave where that light "
           "matters most. +emission-guiding: paths from lights begin where, as the training found, "
           "light reaches the picture, for pictures of a small part of the scene. +merging: paths "
           "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "

@@ -21,7 +21,7 @@ namespace sheaf {
 // The numbers are those of messages and of stored parts.
 enum class TaskKind : uint8_t { kCamera = 0, kLight = 1, kTraining = 2 };
 
-// A guiding field has at most so many bytes.
+// The most bytes of a guiding field.
 inline constexpr size_t kGuidingFieldBytesMax = size_t{32} << 20;
 
 // "camera", "light", "training".

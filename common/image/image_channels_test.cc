@@ -143,8 +143,8 @@ TEST(ImageChannelsTest, ChromaticitiesAreThoseOfTheHeader) {
   EXPECT_EQ(ReadImage(path)->chromaticities, ap1);
 }
 
-// The display window is the image. What is stored beyond it is not seen, and what it lacks is black
-// and transparent.
+// The display window is the image. Pixels stored beyond it are not seen, and those it lacks are
+// black and transparent.
 TEST(ImageChannelsTest, TheDisplayWindowIsTheImage) {
   ExrText exr;
   exr.channels = {{"R", 1}, {"G", 2}, {"B", 3}, {"A", 1}};

@@ -57,7 +57,7 @@ struct FloatImage {
 };
 
 struct ReadImageLimits {
-  uint64_t memory_bytes_max = uint64_t{4} << 30;  // Of the numbers that are read, as floats.
+  uint64_t memory_bytes_max = uint64_t{4} << 30;  // For the numbers that are read, as floats.
   int64_t side_max = kImageSideMax;               // Columns, and rows.
   // If the image or what is stored of it has more pixels, only the header is read, and
   // FloatImage::pixels stays empty.

@@ -6,7 +6,7 @@
 
 namespace sheaf {
 
-// Cumulative probability at so many deviations. For the upper tail, pass the negative: small
+// Cumulative probability at this many deviations. For the upper tail, pass the negative: small
 // probabilities lose no precision.
 double NormalCdf(double deviations);
 

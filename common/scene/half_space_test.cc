@@ -64,7 +64,7 @@ TEST(AlbedoCurveTest, AgreesWithTheInverse) {
       for (const double reflectance : {0.001, 0.02, 0.1, 0.37, 0.5, 0.83, 0.97, 0.999}) {
         const auto albedo = static_cast<double>(curve.At(static_cast<float>(reflectance)));
         const double isotropic = albedo * (1 - g) / (1 - albedo * g);
-        // Beyond .99 the quadrature itself is no more accurate.
+        // Beyond .99 the quadrature itself is not more accurate.
         EXPECT_NEAR(HalfSpaceReflectance(isotropic, eta), reflectance,
                     reflectance > 0.99 ? 2e-3 : 1e-4)
             << eta << " " << g;

@@ -38,7 +38,7 @@ struct UvMapping {
   Matrix4 texture_from_world;  // For planar, spherical, cylindrical and 3-D checkerboards.
 };
 enum class TextureWrap { kRepeat, kBlack, kClamp, kOctahedral, kMirror };
-enum class ColorEncoding { kSrgb, kLinear, kGamma };  // Of files of integers; floats are linear.
+enum class ColorEncoding { kSrgb, kLinear, kGamma };  // For files of integers; floats are linear.
 
 struct ConstantTexture {
   ColorSpec color;
@@ -193,7 +193,7 @@ struct LightScale {
 
 // How the image of an area light lies on its surface; by default as in pbrt-v4.
 struct EmissionPlacement {
-  UvMapping mapping;                                                       // Of kind kUv.
+  UvMapping mapping;                                                       // A mapping of kind kUv.
   TextureWrap wrap_u = TextureWrap::kClamp, wrap_v = TextureWrap::kClamp;  // Or kRepeat, kMirror.
   bool is_nearest = false;  // Texels are not interpolated.
 };
@@ -337,7 +337,7 @@ struct SceneDescription {
   std::vector<int32_t> world_shapes;     // Those placed in the world directly.
   std::vector<ObjectDefinition> objects;
   std::vector<ObjectInstance> instances;
-  std::vector<std::string> matte_names;  // Of shapes and instances ("string name"), none twice.
+  std::vector<std::string> matte_names;  // Shapes and instances ("string name"), none twice.
   std::vector<AreaLightDescription> area_lights;
   std::vector<LightDescription> lights;
 };

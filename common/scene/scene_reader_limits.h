@@ -22,7 +22,8 @@ struct SceneReaderLimits {
   // takes at most this, and the factor times the bytes of its files.
   uint64_t expansion_bytes = uint64_t{256} << 20;
   uint64_t expansion_factor = 256;
-  uint64_t placements_max = 50'000'000;  // Of a glTF file's primitives, by nodes and instances.
+  uint64_t placements_max =
+      50'000'000;  // Placements of a glTF file's primitives, by nodes and instances.
   uint64_t file_bytes_max = uint64_t{8} << 30;
   uint32_t errors_max = 50;  // Reading stops after this many.
   uint32_t notes_max = 200;  // Further notes and warnings are dropped.

@@ -36,7 +36,7 @@ class VertexRounding {
 
  private:
   std::vector<Vec3f> rounded_;
-  std::vector<Vec3f> remainders_;  // What rounding took; empty if nothing.
+  std::vector<Vec3f> remainders_;  // The parts that rounding took; empty if it took nothing.
 };
 
 // Moves the origin of a shape's space: afterwards, vertices are relative to `origin`. Requires:

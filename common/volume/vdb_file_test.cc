@@ -79,7 +79,7 @@ TEST_F(VdbFileTest, ReadsVdbTiles) {
 // Interpolation between them keeps their sum.
 TEST_F(VdbFileTest, ResamplesVdbFrustums) {
   GridToWrite written{.value = [](const Voxel&) { return 2.0f; }};
-  written.voxel_size = 9;  // Of the width in front, and of the depth.
+  written.voxel_size = 9;  // Voxels of the width in front, and of the depth.
   const auto grid = Read(VdbFile({written}, {.frustum = true}));
   ASSERT_TRUE(grid.ok()) << grid.status();
   const auto width = [&](double z) {
@@ -232,7 +232,7 @@ TEST_F(VdbFileTest, VdbLevelSetsBecomeFog) {
   }
 }
 
-// What a closed mesh encloses, about a point near it.
+// The volume that a closed mesh encloses, about a point near it.
 struct Measured {
   double volume = 0, area = 0, radius_min = 1e300, radius_max = 0, normal_error_max = 0;
 };

@@ -22,7 +22,7 @@ namespace sheaf::volume {
 inline constexpr char kVdbReaderProgram[] = "sheaf-vdb-reader";
 // Changes with these messages.
 inline constexpr uint32_t kVdbWireVersion = 1;
-// What either end accepts, besides images.
+// Limits of either end, besides those of images.
 inline constexpr uint32_t kVdbTextBytesMax = 4'096;
 inline constexpr uint32_t kVdbFileNameBytesMax = 1 << 16;
 inline constexpr uint64_t kVdbListBytesMax = uint64_t{16} << 20;

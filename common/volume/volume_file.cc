@@ -72,7 +72,7 @@ absl::StatusOr<VolumeGrid> ReadVdbGrid(const std::string& file_name, const OpenF
   return VolumeGrid::FromImage(*std::move(image), file_name, limits, thread_count);
 }
 
-// What OpenVDB makes of an untrusted file is as untrusted.
+// A surface that OpenVDB makes of an untrusted file is as untrusted.
 absl::Status CheckSurface(const std::string& file_name, const VolumeSurface& surface) {
   const auto is_finite = [](const auto& v) {
     return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);

@@ -20,7 +20,7 @@ struct VolumeFileEntry {
   VolumeRole role = VolumeRole::kOther;
   std::string type_name;  // The file's name for the type of values.
   bool can_be_read = false;
-  uint64_t offset_bytes = 0;  // Of the grid's data; only .nvdb.
+  uint64_t offset_bytes = 0;  // The place of the grid's data; only .nvdb.
 };
 
 // file_name: as the scene writes it; messages begin with it.

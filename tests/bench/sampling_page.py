@@ -43,7 +43,7 @@ sets.
 ![L2-star discrepancy of two-dimensional sets](sampling/discrepancy.svg)
 
 {tables}
-What it says:
+It says:
 
 - The points of one decision are as even as Sobol's sequence itself: scrambling and shuffling lose
   nothing.

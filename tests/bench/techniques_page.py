@@ -104,7 +104,7 @@ def page(rows, samples, public):
         "kind of light, and in media that emit.", "",
         "Techniques are those of a whole frame. A choice by region gains a tenth at most in each "
         "scene where `tests/bench/technique_regions.py` measured it: "
-        "[ADR 97](adr/0097-techniques-by-frame.md). What `auto` gains, with the price of its own "
+        "[ADR 97](adr/0097-techniques-by-frame.md). The gain of `auto`, with the price of its own "
         "choice, is in [ADR 64](adr/0064-techniques-by-measured-efficiency.md). Where the picture "
         "shows a small part of the scene, `+emission-guiding` learns where light paths begin that "
         "reach it: [ADR 128](adr/0128-emission-is-guided.md).", "",

@@ -137,9 +137,8 @@ DOORS = {
 # Where comments, messages and documents are plain English.
 PLAIN_FOLDERS = tuple(f + "/" for f in (
     "coordinator", "proto", "dashboard/src", "python", "blender", "deploy", "docs", "cli",
-    "common/base", "common/content", "common/objects", "common/rpc", "common/tls", "common/process",
-    "common/service_manager", "common/command_line"))
-PLAIN_NOT_YET = ("docs/adr/", "docs/techniques", "docs/sampling.md", "cli/commands/options")
+    "common", "worker", "scenes"))
+PLAIN_NOT_YET = ("docs/adr/",)
 # Phrases that read as translated, and what to write instead.
 PLAIN_ENGLISH = {
     r"\b[Nn]obody\b|\b[Ss]omebody\b": "name who acts: no worker, another user",

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A worker whose machine is a person's for a while.
+// A worker whose machine has a user for a while.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ class AgentAwayTest : public ::testing::Test {
     options_.why_away = [this](uint64_t scene_bytes) {
       ++asked_;
       scene_bytes_ = scene_bytes;
-      return away_ ? "somebody is here" : "";
+      return away_ ? "a user is here" : "";
     };
   }
 

@@ -44,7 +44,7 @@ class AgentState {
   AgentState(const AgentOptions& options, Time now);
 
   // Enters the stage that the time and the reasons call for. Call at NextTurn, and after each
-  // change below. stop_requested: a person or the system ends this worker; never revoked.
+  // change below. stop_requested: an operator or the system ends this worker; never revoked.
   void Advance(Time now, bool stop_requested);
   Stage stage() const { return stage_; }
   // Whether it ends, and does not return to work.

@@ -122,7 +122,7 @@ TEST_F(AgentStateTest, AnotherVersionIsAskedSeldom) {
   state.BeginSynchronize(now_);
   state.TakeNoAnswer(absl::FailedPreconditionError("older"), now_);
   EXPECT_EQ(state.NextTurn(), now_ + options_.refused_backoff);
-  EXPECT_TRUE(state.HasReported(state.ReportLoading()));  // Nobody is waited for.
+  EXPECT_TRUE(state.HasReported(state.ReportLoading()));  // No load is waited for.
 }
 
 TEST_F(AgentStateTest, LoadingIsReportedByTheNextAnswer) {

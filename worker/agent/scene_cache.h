@@ -77,7 +77,7 @@ class SceneCache {
     SharedLoadResult result;
   };
   // Loads on this thread; the mutex is released meanwhile. Gives back the scenes that leave the
-  // cache: freeing them takes time, which nobody shall wait for.
+  // cache: freeing them takes time, for which no lock may be held.
   SharedLoadResult Load(const Key& key, const Lease& lease, std::stop_token stop,
                         std::vector<SharedScene>* evicted) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   static Key KeyOf(const Lease& lease);

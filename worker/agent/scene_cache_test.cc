@@ -113,7 +113,7 @@ TEST(SceneCacheTest, OutOfMemoryLoadsEvictOtherScenes) {
   EXPECT_EQ(result.status.code(), absl::StatusCode::kResourceExhausted);
   EXPECT_TRUE(cache.WarmScenes().empty());
   EXPECT_TRUE(cache.MustLoad(LeaseOf("a")));
-  EXPECT_NE(cache.Get(LeaseOf("a"), {}).scene, nullptr) << "nobody waits for a load that ended";
+  EXPECT_NE(cache.Get(LeaseOf("a"), {}).scene, nullptr) << "no thread waits for a load that ended";
 }
 
 TEST(SceneCacheTest, WaitingLeasesLoadAfterACancellation) {

@@ -72,7 +72,7 @@ struct DesiredState {
   std::vector<Lease> leases;
   std::chrono::milliseconds next_synchronize{1000};
   std::chrono::milliseconds lease_duration{30'000};
-  bool exit = false;  // A person took the worker out, and it holds nothing more: it ends.
+  bool exit = false;  // An operator drained the worker, and it holds nothing: it ends.
 };
 
 // A rendered task, encoded and ready to be sent, repeatedly if needed.
@@ -83,7 +83,7 @@ struct FinishedPart {
   SampleBlock block;
   TileCells cells;
   TaskKind kind = TaskKind::kCamera;
-  std::string exr_bytes;  // Of a training: the guiding field.
+  std::string exr_bytes;  // The part, or the guiding field of a training.
   BlobDigest digest;      // Digest of exr_bytes.
   BlobDigest field;       // The lease's.
   uint64_t ray_count = 0;

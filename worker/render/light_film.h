@@ -5,7 +5,7 @@
 // point, by the filter over its integral, as a sample of the camera there would count for the
 // pixel.
 //
-// A pixel's filter may reach beyond the edge of the frame. The film of a spherical camera goes on
+// A pixel's filter may reach beyond the edge of the frame. The film of a spherical camera continues
 // there on the other side of its map (Camera::MakeRay), so a splat counts for the pixels near each
 // of its images in the continued plane. The plane consists of copies of the map, numbered (i, j)
 // from the frame's (0, 0). Copies of an equal-area map with odd i + j are turned by half a turn, as

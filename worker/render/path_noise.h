@@ -42,7 +42,7 @@ struct PixelPaths {
 using PathSums = std::vector<PixelPaths>;
 
 // The paths that begin at lights, over the window of the scene's frame: its first `passes` light
-// passes, on so many threads. Requires: the scene's settings request light paths (of
+// passes, on `threads` threads. Requires: the scene's settings request light paths (of
 // FilmOutputs) and no other output, and their techniques have light paths; at least
 // 2 kReplicateCount passes. Errors: as RenderLightPass.
 absl::StatusOr<PathSums> SumLightPaths(const CompiledScene& scene, uint64_t passes, int threads);

@@ -82,7 +82,7 @@ class StopSignalBlocked {
   sigset_t before_;
 };
 
-// Ends as the child ends. Holds nothing open that the child's end shall close.
+// Ends as the child ends. Holds nothing open that the child's end must close.
 [[noreturn]] void EndAs(pid_t child) {
   ::close_range(0, ~0U, 0);
   int status = 0;

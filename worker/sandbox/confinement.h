@@ -21,7 +21,7 @@ struct Confinement {
   // The scene's files. Without namespaces, a file's target is its source.
   std::vector<MountedFile> files;
   // A folder in which files may be made, absolute and without symbolic links; empty: none. Each
-  // file has at most so many bytes: writing more fails, and raises SIGXFSZ.
+  // file has at most `file_bytes_max` bytes: writing more fails, and raises SIGXFSZ.
   std::string writable_folder;
   uint64_t file_bytes_max = 0;
   // Limit of writable memory (RLIMIT_DATA): allocations beyond it fail.

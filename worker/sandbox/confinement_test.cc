@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A process with a folder that it may write to. What a process without one cannot do, the tests of
-// sandboxed scenes say.
+// A process with a folder that it may write to. The limits of a process without one are in the
+// tests of sandboxed scenes.
 #include "worker/sandbox/confinement.h"
 
 #include <fcntl.h>

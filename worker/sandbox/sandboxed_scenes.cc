@@ -118,7 +118,7 @@ class SandboxedScene : public OpenScene {
   const std::unique_ptr<SceneProcess> process_;
   const uint64_t memory_bytes_;
   const absl::Duration task_time_max_;
-  const uint32_t threads_;  // Of a training.
+  const uint32_t threads_;  // Threads of a training.
 };
 
 // Starts a process with the protections, and ends it. If one is not available, *missing has it.

@@ -23,11 +23,12 @@ namespace sheaf::worker {
 // The descriptor by which a scene's process talks with its worker.
 inline constexpr int kSceneSocket = kChildSocket;
 
-// What a process accepts from its worker: the names of all files of a scene come in one message.
+// Messages that a process accepts from its worker: the names of all files of a scene come in one
+// message.
 inline constexpr MessageLimits kRequestLimits{uint32_t{1} << 30, 0};
-// What a worker accepts from a process. The coordinator refuses larger parts, too.
+// Messages that a worker accepts from a process. The coordinator refuses larger parts, too.
 inline constexpr MessageLimits kReplyLimits{uint32_t{64} << 10, uint32_t{512} << 20};
-// Of a message to people. Longer ones are cut, by both ends.
+// The text of a message for users. Longer ones are cut, by both ends.
 inline constexpr size_t kReplyTextBytesMax = 4'096;
 
 v1::LoadSceneRequest LoadRequestOf(const SceneInputs& inputs);

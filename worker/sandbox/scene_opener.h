@@ -38,7 +38,7 @@ struct SceneInputs {
 
 // A part without its description, which its lease gives.
 struct RenderedPart {
-  std::string exr_bytes;  // Of a training: the guiding field.
+  std::string exr_bytes;  // The part, or the guiding field of a training.
   uint64_t ray_count = 0;
   double cpu_seconds = 0;
 };

@@ -96,7 +96,7 @@ class SceneProcess {
   std::unique_ptr<ChildProcess> child_;      // Set before Start returns.
   std::unique_ptr<MessageChannel> channel_;  // The same.
 
-  // Of the owning thread.
+  // Used by the owning thread alone.
   std::string line_;       // The begin of a line of output.
   std::string last_line_;  // Often the reason for a sudden end.
   int line_count_ = 0;

@@ -217,7 +217,7 @@ int RunSceneProcess(SceneOpener* scenes) {
   SceneServer server(&channel, scenes);
   const absl::Status status = server.Serve();
   if (!status.ok()) LogError(std::string(status.message()));
-  // At once, whatever its threads do: nobody waits for them.
+  // At once, whatever its threads do: no one waits for them.
   ::_exit(status.ok() ? EXIT_SUCCESS : EXIT_FAILURE);
 }
 

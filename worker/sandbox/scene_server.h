@@ -18,7 +18,7 @@ int RunSceneProcess(SceneOpener* scenes);
 // The only argument of a program that is the process of one scene. It is for the programs that
 // start such processes alone, sheaf-worker and sheaf.
 inline constexpr char kSceneProcessFlag[] = "--scene-process";
-// RunSceneProcess with DirectScenes that take no more memory than this process may.
+// RunSceneProcess with DirectScenes that take at most the memory that this process may.
 int RunDirectSceneProcess();
 
 }  // namespace sheaf::worker

@@ -33,7 +33,7 @@ void EndBySignal(int number) { ::_exit(kExitBySignal + number); }
 void PrepareProcess() {
   EndWithParent();
   ::close_range(kChildSocket + 1, ~0U, 0);
-  // What OpenVDB prints is not read: a full pipe must not stop it.
+  // The output of OpenVDB is not read: a full pipe must not stop it.
   for (const int output : {STDOUT_FILENO, STDERR_FILENO}) ::fcntl(output, F_SETFL, O_NONBLOCK);
   ::signal(SIGPIPE, SIG_IGN);
   for (const int number : {SIGABRT, SIGXCPU}) ::signal(number, EndBySignal);

@@ -65,7 +65,7 @@ class PeerStream {
  public:
   explicit PeerStream(grpc::ClientReader<v1::ReadBlobResponse>* reader) : reader_(*reader) {}
 
-  // Whether so many bytes came.
+  // Whether `size` bytes came.
   bool Fill(size_t size) {
     v1::ReadBlobResponse response;
     while (buffer_.size() < size) {

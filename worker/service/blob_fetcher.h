@@ -23,7 +23,7 @@ namespace sheaf::worker {
 
 inline constexpr size_t kPeersTriedMax = 6;  // For one blob.
 inline constexpr absl::Duration kPeerConnectMax = absl::Seconds(2);
-// One attempt may take so long, and a second more for each of so many bytes.
+// One attempt may take this long, and a second more for each kPeerBytesPerSecondMin bytes.
 inline constexpr absl::Duration kPeerAttemptMin = absl::Seconds(10);
 inline constexpr uint64_t kPeerBytesPerSecondMin = uint64_t{4} << 20;
 // How long to wait for another worker that fetches the blob from the coordinator.

@@ -29,7 +29,7 @@ namespace sheaf::worker {
 struct WorkerOptions {
   std::string coordinator = "this process";  // Its name in messages.
   std::string pool;                          // Empty: the default one.
-  std::vector<std::string> tags;             // What it has that jobs may require.
+  std::vector<std::string> tags;             // Tags that jobs may require.
   int32_t thread_count = 0;                  // 0: as many as this process may use.
   std::string cache_directory;
   uint64_t cache_bytes_max = uint64_t{20} << 30;
@@ -68,7 +68,7 @@ class EmbeddedWorker {
   // As Agent::Run.
   absl::Status Run(std::stop_token stop) { return agent_.Run(stop); }
   const std::string& worker_id() const { return worker_id_; }
-  // Whether Run goes on taking turns. Blocks where the agent's lock is never released.
+  // Whether Run still takes turns. Blocks where the agent's lock is never released.
   bool IsAlive() const { return agent_.SinceLastTurn() < kTurnMax; }
   AgentCounts counts() const { return agent_.counts(); }
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A scene's files are altered on disk while it is read or rendered. No error that comes of it is
-// the scene's: the job goes on with whole files. Guiding fields are fetched once a scene.
+// the scene's: the job continues with whole files. Guiding fields are fetched once a scene.
 #include "worker/service/frame_loader.h"
 
 #include <grpcpp/server.h>

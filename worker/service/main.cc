@@ -118,7 +118,7 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
       ->check(CheckLabel)
       ->type_name("NAME");
   app->add_option("--tag", worker.tags,
-                  "What this machine has that jobs may require (sheaf submit --require);\n"
+                  "Something that this machine has and jobs may require (sheaf submit --require);\n"
                   "may be given several times")
       ->allow_extra_args(false)
       ->check(CheckLabel)
@@ -272,7 +272,7 @@ int Main(int argc, char** argv) {
   LogLevelFromName(arguments.log_level, &level);
   SetLogLevel(level);
   SetLogName("sheaf-worker");
-  // Our own errors are one line each; gRPC's internal ones beside them help nobody.
+  // Our own errors are one line each; gRPC's internal ones beside them help no user.
   setenv("GRPC_VERBOSITY", "NONE", /*replace=*/0);
   RaiseOpenFileLimit();
   if (const absl::Status applied = ApplyNice(arguments.yield); !applied.ok()) {

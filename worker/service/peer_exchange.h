@@ -58,10 +58,10 @@ class PeerExchange {
   // The blob is complete in the cache. is_new: it is since now, so others may have been told that
   // it was missing.
   void NoteHeld(const BlobDigest& blob, bool is_new);
-  // The blob is being fetched from the coordinator, or no more.
+  // The blob is being fetched from the coordinator, or no longer.
   void NoteFetching(const BlobDigest& blob, bool is_fetching);
   void NoteTrouble(const std::string& peer_id, const BlobDigest& blob, v1::PeerTrouble::Kind kind);
-  // A blob of a scene was found here; so many bytes came from there.
+  // Counts a blob of a scene by where it came from.
   void CountBlob(BlobSource source);
   void CountBytes(BlobSource source, uint64_t size_bytes);
 
@@ -74,12 +74,12 @@ class PeerExchange {
   const std::string worker_id_;
   const PeerOptions options_;
   const std::unique_ptr<v1::TransferService::Stub> stub_;
-  std::unique_ptr<PeerServer> server_;  // Null where it serves nobody.
+  std::unique_ptr<PeerServer> server_;  // Null where it serves no peer.
 
   Mutex mutex_;
   CondVar news_;
   std::set<std::string> held_ ABSL_GUARDED_BY(mutex_);
-  std::vector<std::string> unreported_ ABSL_GUARDED_BY(mutex_);  // Of those.
+  std::vector<std::string> unreported_ ABSL_GUARDED_BY(mutex_);  // Those of held_ not yet reported.
   std::multiset<std::string> fetching_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::PeerTrouble> troubles_ ABSL_GUARDED_BY(mutex_);  // At most kTroublesKeptMax.
   v1::ContentCounts counts_ ABSL_GUARDED_BY(mutex_);

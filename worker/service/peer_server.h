@@ -27,7 +27,7 @@ inline constexpr absl::Duration kPeerUploadMax = absl::Hours(1);
 struct PeerOptions {
   bool enabled = false;
   uint16_t port = 0;                     // 0: the system chooses.
-  uint64_t bytes_per_second_max = 0;     // Of all uploads together; 0: no limit.
+  uint64_t bytes_per_second_max = 0;     // All uploads together; 0: no limit.
   std::optional<CredentialFiles> files;  // None: in plain text, on loopback alone.
 };
 
@@ -48,7 +48,7 @@ class PeerServer final : public v1::PeerService::Service {
  private:
   PeerServer(const BlobStore* blobs, uint64_t bytes_per_second_max)
       : blobs_(blobs), bytes_per_second_max_(bytes_per_second_max) {}
-  // Waits until so many bytes more may be sent; false if the call was cancelled.
+  // Waits until `size_bytes` more bytes may be sent; false if the call was cancelled.
   bool WaitForTurn(grpc::ServerContext* context, uint64_t size_bytes);
 
   const BlobStore* const blobs_;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// A worker serves its blobs over mutual TLS to workers of its farm, to so many at once and so fast,
-// and to nobody else.
+// A worker serves its blobs over mutual TLS to workers of its farm, within limits of number and
+// speed, and to no other client.
 #include "worker/service/peer_server.h"
 
 #include <grpcpp/client_context.h>
@@ -131,7 +131,8 @@ TEST_F(PeerServerTest, ServesWorkersOfItsFarmAlone) {
 
 TEST_F(PeerServerTest, AUserIsNoPeer) {
   const Authority farm(folder_ + "/farm");
-  options_.files = farm.Enrol("user:anna");  // Somebody serves wrong bytes under a name.
+  options_.files =
+      farm.Enrol("user:anna");  // A user's certificate serves wrong bytes under a name.
   Start();
   EXPECT_EQ(Read(ChannelOf(farm.Enrol("worker:two"), "user:anna"), blob_), -1);
 }

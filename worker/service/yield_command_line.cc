@@ -22,7 +22,7 @@ constexpr double kCalmSecondsMax = 86400;
 }  // namespace
 
 void AddYieldOptions(CLI::App* app, YieldArguments* arguments) {
-  const OptionGroup group(app, "Yielding to the person at this machine");
+  const OptionGroup group(app, "Yielding to the user of this machine");
   YieldOptions& limits = arguments->limits;
   app->add_option(
          "--nice", arguments->nice,

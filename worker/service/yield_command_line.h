@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The options of sheaf-worker by which it yields to the person at its machine.
+// The options of sheaf-worker by which it yields to the user of its machine.
 #pragma once
 
 #include <functional>

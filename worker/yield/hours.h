@@ -20,8 +20,8 @@ class WorkingHours {
   WorkingHours() = default;
   // Parts, separated by commas, whose union counts; at most kPartsMax. A part is a range of times
   // ("19:00-07:00"), of days ("Sat-Sun"), or both ("Mon-Fri/20:00-06:30"). A range of times that
-  // ends before it begins goes on over midnight and belongs to the day on which it begins. 24:00 is
-  // the end of a day. Errors: kInvalidArgument, with the part.
+  // ends before it begins continues over midnight and belongs to the day on which it begins. 24:00
+  // is the end of a day. Errors: kInvalidArgument, with the part.
   static absl::StatusOr<WorkingHours> Parse(const std::string& text);
 
   bool Contains(absl::CivilMinute time) const;

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Yielding: decides when a worker takes no work because its machine is a person's. Pure decisions:
+// Yielding: decides when a worker takes no work because its machine has a user. Pure decisions:
 // time and readings are arguments.
 #pragma once
 
@@ -21,7 +21,7 @@ struct YieldOptions {
   WorkingHours hours;
   // Processors that other programs may use, as a mean over load_window; none: any number.
   std::optional<double> processors_max;
-  // Memory that shall be available to other programs; 0: none.
+  // Memory that must be available to other programs; 0: none.
   uint64_t memory_available_min = 0;
   absl::Duration load_window = absl::Seconds(10);
   // It comes back when there was no reason for so long. Hours end at once.
@@ -33,7 +33,7 @@ class Yielding {
   explicit Yielding(const YieldOptions& options)
       : options_(options), processor_use_(options.load_window) {}
 
-  // Returns why the worker shall take no work now, for people; empty: it may. Call about every
+  // Returns why the worker must take no work now, for users; empty: it may. Call about every
   // second, in order of time. local: the clock on the wall. scene_bytes: memory of the scenes that
   // this worker has loaded; a worker that went away for lack of memory comes back when there is
   // room for as much as it had, too.

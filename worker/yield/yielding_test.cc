@@ -84,14 +84,14 @@ TEST(YieldingTest, LackOfMemorySendsItAwayUntilItsScenesFitToo) {
   EXPECT_EQ(machine.After(10), "");
   machine.available = kGiB;
   EXPECT_THAT(machine.After(1), HasSubstr("1.0 GiB of memory are available"));
-  // It dropped its scenes. What it gave back is no reason to return.
+  // It dropped its scenes. Memory that it gave back is no reason to return.
   machine.scene_bytes = 0;
   machine.available = 4 * kGiB;
   EXPECT_NE(machine.After(600), "");
   machine.available = 5 * kGiB;
   EXPECT_NE(machine.After(119), "");
   EXPECT_EQ(machine.After(2), "");
-  // What it takes now counts anew.
+  // Memory that it takes now counts anew.
   machine.scene_bytes = kGiB;
   machine.available = 3 * kGiB;
   EXPECT_EQ(machine.After(10), "");

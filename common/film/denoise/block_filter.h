@@ -35,11 +35,11 @@ inline constexpr size_t kFilterPairCount = 3;  // Unguided twice, both, guided t
 
 // Sums of one pixel with the weights of one half over its neighbors, itself included with weight 1.
 struct TapSums {
-  std::array<float, kFilterCount> weight{};                       // Of the weights.
-  std::array<std::array<float, 3>, kFilterCount> change{};        // Of weights times differences of
-                                                                  // light from the pixel.
-  std::array<std::array<float, 3>, kFilterPairCount> variance{};  // Of products of weights times
-                                                                  // variances.
+  std::array<float, kFilterCount> weight{};                 // Sums of the weights.
+  std::array<std::array<float, 3>, kFilterCount> change{};  // Sums of weights times differences of
+                                                            // light from the pixel.
+  std::array<std::array<float, 3>, kFilterPairCount> variance{};  // Sums of products of weights
+                                                                  // times variances.
 };
 
 // Thread safety: none; one for each thread.

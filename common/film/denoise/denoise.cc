@@ -73,7 +73,7 @@ class Denoiser {
   const int threads_;
   const size_t width_, height_;
   const std::array<const std::vector<float>*, 3> color_, deviation_;
-  const double mean_;  // Of the image's light.
+  const double mean_;  // The mean of the image's light.
   std::vector<FilteredPixel> pixels_;
   ShareChoice choice_;
   ExpectedError error_;

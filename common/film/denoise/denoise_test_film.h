@@ -15,7 +15,7 @@ namespace sheaf {
 
 struct SyntheticPixel {
   double light = 1;      // The true value of R; G and B are 0.8 and 0.5 of it.
-  double deviation = 0;  // Of a sample, relative to the light.
+  double deviation = 0;  // The deviation of a sample, relative to the light.
   float albedo = 0.5F;
 };
 

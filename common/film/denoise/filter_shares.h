@@ -31,11 +31,11 @@ Shares BestShares(const SharesQuadratic& quadratic);
 // The sums of a pixel that the shares follow from; by filter, or pair of filters, and by R, G, B.
 struct FilteredPixel {
   std::array<std::array<float, 3>, kFilterCount> change{}, gain{};  // e and G of denoise.h.
-  std::array<std::array<float, 3>, kFilterPairCount> variance{};    // Of the changed image.
-  std::array<std::array<float, 3>, kFilterCount> covariance{};      // Of it with the image.
-  std::array<float, kFilterCount> own_weight{};                     // That of the pixel itself.
-  std::array<float, 3> image_variance{};                            // C.
-  std::array<float, 3> importance{};                                // By which errors are weighed.
+  std::array<std::array<float, 3>, kFilterPairCount> variance{};  // Variance of the changed image.
+  std::array<std::array<float, 3>, kFilterCount> covariance{};    // Covariance with the image.
+  std::array<float, kFilterCount> own_weight{};                   // The pixel's own weight.
+  std::array<float, 3> image_variance{};                          // C.
+  std::array<float, 3> importance{};                              // By which errors are weighed.
 
   SharesQuadratic QuadraticOf(size_t component) const;
   double ChangeAt(const Shares& shares, size_t component) const;

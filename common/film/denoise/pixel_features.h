@@ -23,9 +23,9 @@ class PixelFeatures {
   // Planes of one half.
   enum Plane : size_t {
     kMean = 0,      // R, G, B.
-    kVariance = 3,  // Of the means.
+    kVariance = 3,  // Variances of the means.
     kPooled = 6,    // The same, averaged over neighbors, plus the floor.
-    kSum = 9,       // Of R, G and B of the pooled variances.
+    kSum = 9,       // The sum of the pooled variances of R, G and B.
     kGuide = 10,    // Over their tolerances; the depth as it is.
     kPlaneCount = kGuide + kGuideCount
   };

@@ -10,8 +10,8 @@
 
 namespace sheaf {
 
-// The most bytes that so many light passes of so many pixels take as a part, but for a few percent.
-// Requires: pass_count is at most kReplicateCount.
+// The most bytes that `pass_count` light passes of `pixel_count` pixels take as a part, but for a
+// few percent. Requires: pass_count is at most kReplicateCount.
 uint64_t LightPartBytes(int64_t pixel_count, const FilmOutputs& outputs, uint64_t pass_count);
 
 }  // namespace sheaf

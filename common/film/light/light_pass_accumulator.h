@@ -39,7 +39,7 @@ class LightPassAccumulator {
   // kSampleMagnitudeMax, is in no sum, but counted in the pixel's kNonFiniteCount.
   // Requires: group is below the number of light groups.
   void Add(int32_t x, int32_t y, const Rgb& value, float weight, std::optional<size_t> group);
-  // Adds to the estimate of the bias of a pixel's value in the pass. Nothing happens outside of the
+  // Adds to the estimate of the bias of a pixel's value in the pass. A no-op outside of the
   // tile, for values that are not finite, and in tiles without HasMergeBias.
   void AddBias(int32_t x, int32_t y, const Rgb& bias);
   // Counts a splat that is not finite and of which no pixel is known, in the tile's first pixel.
@@ -56,8 +56,8 @@ class LightPassAccumulator {
   FilmTile* const tile_;
   const size_t bias_at_;      // The first sum of a pixel's bias.
   const size_t stride_;       // Sums of a pixel.
-  Sums pass_;                 // Of the pass under way.
-  std::vector<Sums> stack_;   // Of complete nodes, as NodeStack in film_tile.cc has them.
+  Sums pass_;                 // Sums of the pass under way.
+  std::vector<Sums> stack_;   // Sums of complete nodes, as NodeStack in film_tile.cc has them.
   std::vector<Sums> unused_;  // Memory for further ones.
   uint64_t pass_count_ = 0;
 };

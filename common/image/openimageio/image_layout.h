@@ -24,7 +24,7 @@ struct ImageLayout {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
   int origin_x = 0, origin_y = 0;  // The file's coordinates of the image's first pixel.
   int channels = 0;                // 1: gray, 3: red, green and blue, 4: the same and alpha.
-  std::array<int, 4> place{};      // Of each in a stored pixel.
+  std::array<int, 4> place{};      // The place of each in a stored pixel.
   bool is_integer = false;
   std::optional<std::array<float, 8>> chromaticities;  // As in FloatImage.
 

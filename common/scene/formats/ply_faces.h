@@ -41,8 +41,9 @@ class PlyFaces {
   // By triangle: whether it continues the fan of the one before.
   std::vector<bool> continues_;
   std::vector<uint32_t> fans_;
-  std::array<uint32_t, 2> latest_{};  // Of the strip; of a polygon the first and the latest.
-  uint64_t corner_count_ = 0;         // Of the polygon or strip so far.
+  std::array<uint32_t, 2>
+      latest_{};  // The last two corners of the strip; of a polygon, the first and the latest.
+  uint64_t corner_count_ = 0;  // Corners of the polygon or strip so far.
 };
 
 }  // namespace sheaf

@@ -19,7 +19,7 @@ namespace sheaf {
 
 // Something in a file that has no effect on the mesh.
 struct PlySkipped {
-  uint64_t line = 0;  // Of the header; 0: none.
+  uint64_t line = 0;  // The line of the header; 0: none.
   uint64_t count = 0;
   // The sentence is before, count, after: "the element "edge" with ", 36, " rows is left out".
   std::string before, after;

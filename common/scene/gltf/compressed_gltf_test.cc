@@ -142,7 +142,7 @@ std::string DracoPrimitive(const std::string& attributes = kDracoAttributes) {
                       attributes, "}}}");
 }
 
-// A file of Draco primitives, whose accessors claim so many vertices and indices.
+// A file of Draco primitives, whose accessors claim these numbers of vertices and indices.
 std::string DracoFile(const std::string& draco, size_t vertices, size_t indices,
                       const std::string& primitives = DracoPrimitive()) {
   return absl::StrCat(R"({"asset": {"version": "2.0"}, "extensionsUsed":

@@ -23,7 +23,7 @@ namespace {
 
 // The file layout of GLB: glTF 2.0 specification, sec. 4.4.
 constexpr size_t kGlbHeaderBytes = 12, kChunkHeaderBytes = 8;
-constexpr size_t kShownBytesMax = 200;  // Of a name in a message.
+constexpr size_t kShownBytesMax = 200;  // Bytes of a name in a message.
 
 absl::Status BadFile(const std::string& main_file, const std::string& what) {
   return absl::InvalidArgumentError(absl::StrCat(main_file, ": ", what, "; export the file again"));

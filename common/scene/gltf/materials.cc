@@ -130,7 +130,7 @@ void Materials::AddLight(Rgb radiance, const TextureRef& texture, const std::str
       light.scale.scale = radiance.r;
     } else {
       light.tint = radiance;
-      light.radiance = Color(radiance);  // What remains without the image.
+      light.radiance = Color(radiance);  // The value without the image.
     }
   }
   surface->area_light = static_cast<int32_t>(scene_->area_lights.size());

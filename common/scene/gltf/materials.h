@@ -66,7 +66,7 @@ class Materials {
   void TimesVertexColor(const std::string& what, ColorInput* input);
   void TimesVertexAlpha(const std::string& what, FloatInput* input);
   int32_t AddVertexColor(const std::string& what, VertexColorTexture texture, bool is_color);
-  // What a texture's reference would give, times the factor; only if its uv is that of the others.
+  // Whether a texture's reference can be used; only if its uv is that of the others.
   bool Uses(const TextureRef& ref, const std::string& what);
   FloatInput Number(float factor, const TextureRef& ref, int channel, const std::string& what);
   ColorInput ColorTimes(Rgb factor, const TextureRef& ref, const std::string& what);
@@ -79,7 +79,7 @@ class Materials {
   SceneDescription* scene_;
   std::map<std::pair<int, bool>, Surface> known_;
   bool has_colors_ = false;  // Of the material that is being made.
-  int uv_set_ = -1;          // Of the material that is being made; -1 until a texture is used.
+  int uv_set_ = -1;          // The set of the material that is being made; -1 until a texture is used.
 };
 
 }  // namespace sheaf::gltf

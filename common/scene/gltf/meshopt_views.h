@@ -13,8 +13,8 @@ namespace sheaf::gltf {
 
 inline constexpr char kMeshopt[] = "EXT_meshopt_compression";
 inline constexpr uint64_t kMeshoptStrideMax = 256;
-// The codec of vertices stores at least a byte for 256 of them; those of indices store more. What
-// claims to be more is damaged, which is seen before memory is taken.
+// The codec of vertices stores at least a byte for 256 of them; those of indices store more. A view
+// that claims to be more is damaged, which is seen before memory is taken.
 inline constexpr uint64_t kMeshoptExpansionMax = 256;
 
 // Gives compressed views buffers of their own, with what they mean. False after an error, which is

@@ -28,7 +28,7 @@ struct Pose {
   Vec3d translation{0, 0, 0}, scale{1, 1, 1};
   Quaternion rotation;
   std::optional<Matrix4> matrix;  // In place of the three.
-  std::vector<double> weights;    // Of morph targets; empty: those of the mesh.
+  std::vector<double> weights;    // Weights of morph targets; empty: those of the mesh.
 };
 
 class NodeTree {

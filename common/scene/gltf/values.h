@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Values of extensions, which tinygltf keeps as trees without types: numbers, colors, names. What
-// is missing or of another type gives the default.
+// Values of extensions, which tinygltf keeps as trees without types: numbers, colors, names. A
+// value that is missing or of another type gives the default.
 #pragma once
 
 #include "common/scene/gltf/tinygltf_door.h"

@@ -23,7 +23,7 @@ bool IsConstant(const std::vector<Value>& cells) {
 }
 
 // Values are exactly those of the cells between the centers of the outermost cells. This region is
-// extended by so many cells, where a density is lower by this fraction of itself: geometry that
+// extended by this many cells, where a density is lower by this fraction of itself: geometry that
 // touches the centers may cross them by rounding.
 constexpr double kSlackCells = 1e-6;
 struct Reach {

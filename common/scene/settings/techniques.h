@@ -30,7 +30,7 @@ enum class Technique : uint8_t {
   // Path guiding: camera paths sample directions from a learned field of the light that arrives,
   // beside their BSDFs.
   kGuiding = 2,
-  // Camera paths are split: several go on from a vertex, where the field knows that what they find
+  // Camera paths are split: several leave a vertex, where the field knows that what they find
   // matters to the pixel and is uncertain.
   kSplitting = 3,
   // Light paths are merged with camera paths at the first rough vertex behind specular ones, within

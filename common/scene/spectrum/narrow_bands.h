@@ -15,7 +15,7 @@ namespace sheaf {
 struct NarrowBand {
   double first_nm = 0, last_nm = 0;
   double first = 0, last = 0;              // Values of the spectrum at the ends, within.
-  double table_first = 0, table_last = 0;  // What a table in steps of 1 nm has there.
+  double table_first = 0, table_last = 0;  // Values of a table in steps of 1 nm there.
 
   double At(double nm) const {
     const double part = (nm - first_nm) / (last_nm - first_nm);

@@ -53,7 +53,7 @@ TEST(NarrowBandsTest, BandsHaveTheValuesOfTheSpectrum) {
 TEST(NarrowBandsTest, LinesHaveTheLuminanceOfTheirIntegral) {
   for (const float half_width : {0.5f, 0.2f, 0.01f}) {
     for (const float nm : {588.8f, 589.0f, 589.3f, 589.5f}) {
-      const double width = half_width;  // Of a triangle of height 1.
+      const double width = half_width;  // The width of a triangle of height 1.
       EXPECT_NEAR(SpectrumLuminance(Line(nm, half_width)) / (width * LuminousEfficiency(nm)), 1,
                   0.01)
           << nm << " " << half_width;

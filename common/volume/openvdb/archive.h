@@ -30,7 +30,7 @@ inline absl::Status CutShort(const std::string& where) {
 class Archive : private vdb::io::Archive {
  public:
   explicit Archive(int file) : buffer_(file), in_(&buffer_) {
-    // OpenVDB does not look: it would go on with whatever its variables hold.
+    // OpenVDB does not look: it would continue with whatever its variables hold.
     in_.exceptions(std::ios_base::badbit | std::ios_base::failbit | std::ios_base::eofbit);
   }
 
@@ -126,7 +126,7 @@ class Archive : private vdb::io::Archive {
   std::vector<Stored> stored_;
 };
 
-// What a file calls the grid's type, with the suffix of files that hold halves.
+// The file's name of the grid's type, with the suffix of files that hold halves.
 inline std::string TypeName(const vdb::io::GridDescriptor& descriptor) {
   return absl::StrCat(descriptor.gridType(), descriptor.saveFloatAsHalf() ? "_HalfFloat" : "");
 }

@@ -63,7 +63,8 @@ inline constexpr uint64_t kFrameSamplesPerUnaskedPilotSample = 512;
 bool MayMeasureUnasked(const FrameSettings& settings, uint64_t scene_bytes);
 
 struct TechniqueCost {
-  double relative_mse = 0;  // Of an image with one sample a pixel (and one pass of light paths).
+  // The error of an image with one sample a pixel (and one pass of light paths).
+  double relative_mse = 0;
   // A pixel and sample, with its part of the training, in rays of unguided paths from the camera
   // (kLightRayCost).
   double cost_rays = 0;

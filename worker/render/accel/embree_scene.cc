@@ -52,7 +52,8 @@ struct EmbreeScene::State {
   std::vector<RTCScene> scenes;  // One per group; [0] is the world.
   std::vector<QuadricList> quadric_lists;
   const SceneGeometry* described = nullptr;
-  float plane_bound = 0;  // Of the distance of a plane of the world from the one that is meant.
+  // Bound of the distance of a plane of the world from the one that is meant.
+  float plane_bound = 0;
   std::deque<TracedMesh> meshes;      // For all groups; Embree holds pointers to elements.
   std::deque<PatchList> patch_lists;  // For all groups; Embree holds pointers to elements.
   std::deque<CurveList> curve_lists;  // Likewise.

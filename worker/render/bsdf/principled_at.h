@@ -90,11 +90,11 @@ class PrincipledAt {
   float metal_, opaque_, glass_;
   bool within_;                 // wo is inside of solid glass.
   bool smooth_, glass_smooth_;  // Delta lobes.
-  float side_eta_;              // Of the far side over the near side of solid glass.
+  float side_eta_;              // The far side over the near side of solid glass.
   float sheen_max_ = 0;
   float below_sheen_ = 1, below_ = 1;
   float loss_o_ = 0;
-  Color return_color_{};   // Of the lobe of returned energy of metal and reflection.
+  Color return_color_{};   // The lobe of returned energy of metal and reflection.
   Color body_{};           // Body's albedo at wo, over 1 - R(i).
   Color opaque_return_{};  // Tint of the opaque dielectric's returned energy.
   std::array<float, kPartCount> probability_{};

@@ -5,8 +5,8 @@
 // dielectric (a reflection over a Lambertian body) and of glass, solid or a thin sheet. Directions
 // come with wo.z > 0; `inside` matters to solid glass alone.
 //
-// Energy. What single scattering loses of each part comes back in a lobe of its own, as for
-// conductors and dielectrics (energy_table.h). The body of an opaque dielectric gets what its
+// Energy. The light that single scattering loses of each part comes back in a lobe of its own, as
+// for conductors and dielectrics (energy_table.h). The body of an opaque dielectric gets what its
 // reflection leaves, (1 - R(o)) (1 - R(i)) / (1 - average R), so that white under any reflection
 // stays white. Sheen and coat leave to what is below them what they do not scatter towards wo:
 // exact in a furnace, however rough the layers are.

@@ -80,7 +80,7 @@ struct PrincipledTableOptions {
 struct PrincipledTable {
   // One for constant roughness, else one for each alpha node.
   std::vector<PrincipledRow> rows;
-  float rise_average = 0;           // Of a smooth surface, cosine-weighted.
+  float rise_average = 0;           // The average of a smooth surface, cosine-weighted.
   std::vector<float> film_average;  // The film's reflectance likewise, by component.
 
   static PrincipledTable Make(const PrincipledTableOptions& options, const Ggx& ggx);

@@ -63,7 +63,7 @@ inline Rgb MeanCosine(float path_nm, float shift) {
 // One film over one base, for light of one direction. base: reflectance between film and base.
 struct FilmOrders {
   float first = 0;   // R12 + Rs: the mean over phases.
-  float factor = 0;  // Of order m: factor * ratio^m * cos.
+  float factor = 0;  // The term of order m is factor * ratio^m * cos.
   float ratio = 0;
 };
 inline FilmOrders OrdersOf(float outside, float base) {

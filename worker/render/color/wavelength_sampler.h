@@ -32,7 +32,7 @@ class WavelengthSampler {
   // A part of a band, with even density; parts do not overlap.
   struct Part {
     double first_nm, last_nm;
-    double probability;  // Of this part and those before.
+    double probability;  // The sum of this part and those before.
     double pdf;          // Per nm.
   };
   Wavelengths SampleBands(float u) const;

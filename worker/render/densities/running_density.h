@@ -19,8 +19,8 @@ namespace sheaf::render {
 
 // A vertex xi of a path as densities see it. Densities are per solid angle.
 struct StepDensities {
-  double forward = 1;   // Of a path from the camera towards x(i+1).
-  double backward = 1;  // Of a light path towards x(i-1).
+  double forward = 1;   // A path from the camera, towards x(i+1).
+  double backward = 1;  // A light path, towards x(i-1).
   // |cos(xi, x(i+1))| / |cos(xi, x(i-1))| with the geometric normal; 1 in media.
   double cosines = 1;
 

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // GatherPoint: the first rough vertex of a camera path behind specular ones, stored so that the
-// light paths of a pass are merged with it. What the grid knows of it is not repeated.
+// light paths of a pass are merged with it. Facts that the grid knows are not repeated.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,8 @@ namespace sheaf::render {
 template <typename Color>
 struct GatherPointOf {
   BsdfOf<Color> bsdf;
-  Color throughput{};  // Of the camera path to here, with the weights of filter and lens.
+  Color throughput{};  // The throughput of the camera path to here, with the weights of filter and
+                       // lens.
   int32_t x = 0, y = 0;
   uint32_t depth = 0;       // Scattering events of the camera path, with this one.
   float weight_radius = 0;  // MergeRadius.

@@ -22,7 +22,7 @@ struct Plane {
   Vec3d n;  // Unit, on the front.
   double t = 0;
   Vec3d coordinate_max;  // Bound of the coordinates from which it was computed.
-  double t_error = 0;    // Of t, relative.
+  double t_error = 0;    // The relative error of t.
   double height = 0;     // Least height of a triangle; 0 where the surface is known exactly.
   double corner_error = 0;
   double radius = 0;  // Least radius of curvature, or a lower bound; 0: flat.

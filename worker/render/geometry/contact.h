@@ -27,10 +27,10 @@ inline constexpr float kPlaneRounding = Gamma(32);
 struct Contact {
   double t = 0;      // In lengths of the ray's direction, computed in double.
   Vec3d n;           // Unit geometric normal, on the surface's front.
-  double bound = 0;  // Of the distance between the plane and the one that the scene describes.
-  double doubt = 0;  // Of the plane's distance from a point as the tracer computes it.
-  double tilt = 0;   // Of the sine of the angle between both.
-  double area = 0;   // Of the whole shape.
+  double bound = 0;  // Bound of the distance from the plane that the scene describes.
+  double doubt = 0;  // Bound of the error of the plane's distance from a point in the tracer.
+  double tilt = 0;   // Bound of the sine of the angle between both.
+  double area = 0;   // The area of the whole shape.
   const Surface* surface = nullptr;
   PrimitiveId id;
 };

@@ -56,14 +56,14 @@ struct Surface {
   MediumBoundary media;
   // A triangle with an emission image has emission_cells^2 emitters: emission_cells.h.
   uint16_t emission_cells = 1;
-  float area = 0;  // Of the whole shape, approximately, in the space of its group.
+  float area = 0;  // The area of the whole shape, approximately, in the space of its group.
 };
 struct BakedMesh {
   Surface surface;
   std::vector<Vec3f> positions;     // Plus one: the ray tracer reads 16 bytes per vertex.
   std::vector<Vec3f> normals;       // Unit length, or empty.
   std::vector<Vec2f> uvs;           // Or empty.
-  std::vector<Vec3f> tangents;      // Of any length, or empty; used only if surface.needs_tangent.
+  std::vector<Vec3f> tangents;      // Any length, or empty; used only if surface.needs_tangent.
   std::vector<VertexColor> colors;  // Or empty; used only if surface.reads_textures.
   std::vector<uint32_t> indices;    // Three per triangle, without degenerate ones.
   // Vertices of a deforming mesh (deforming_mesh.h) at later, equidistant steps until shutter

@@ -16,7 +16,7 @@ struct TangentPlane {
   Vec3d n;                    // Unit: the shading normal.
   Vec3d dpdu, dpdv;           // By the texture coordinates uv. In a space with the world's axes.
   bool has_tangents = false;  // Otherwise there are no usable uvs.
-  Vec3d own_tangent = {};     // That of the mesh itself, of any length; zero without one.
+  Vec3d own_tangent = {};     // The mesh's own tangent, of any length; zero without one.
 };
 
 // The direction at right angles to the unit normal n, not unit, from which anisotropy and normal

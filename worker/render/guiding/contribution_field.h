@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // ContributionField: how much paths contribute to the image, by region of a GuidingField and by
-// block of pixels. It says how many paths should go on from a vertex: more than one where the light
+// block of pixels. It says how many paths should leave a vertex: more than one where the light
 // that the path is going to find is uncertain, large against its pixel, and costs few rays. Source:
 // Rath et al. 2022, "EARS: Efficiency-Aware Russian Roulette and Splitting". With V, the variance
 // of a sample relative to the square of its pixel, and C, its rays, both means over the image, and
@@ -11,7 +11,7 @@
 //
 //   number = throughput / pixel * sqrt(V_r / C_r) * sqrt(C / V)
 //
-// paths go on. The field decides only how noisy an image is, never its mean.
+// paths continue. The field decides only how noisy an image is, never its mean.
 //
 // A field is a pure function of integer sums, as GuidingField is: neither order nor threads change
 // a bit, nor does a power of two that scales the scene's light or lengths change a decision.
@@ -62,7 +62,7 @@ class ContributionField {
   bool empty() const { return regions_.empty(); }
 
   // The factors of the number of paths, beside the throughput with which a path arrives at the
-  // vertex; finite, >= 0. 0: one path goes on.
+  // vertex; finite, >= 0. 0: one path continues.
   float PixelFactor(int32_t x, int32_t y) const { return blocks_[grid_.BlockOf(x, y)]; }
   float RegionFactor(uint32_t region) const {
     return region < regions_.size() ? regions_[region] : 0;

@@ -22,7 +22,7 @@ inline constexpr double kContributionDark = 0.1;
 // The number of paths is this fraction of the one that the sums give. The sums, of few paths, count
 // variance twice that could be lessened at one of several vertices; measured: docs/adr/0091.
 inline constexpr double kContributionEagerness = 0.3;
-// A region's second moment over its squared mean is estimated as if it had so many values more,
+// A region's second moment over its squared mean is estimated as if it had this many values more,
 // with the ratio of all regions: few values seldom contain the large ones.
 inline constexpr double kContributionPriorValues = 64;
 // In units: single values, and their squares, in units of 2^12 units. 2^24 of them fit in a sum.
@@ -32,7 +32,7 @@ inline constexpr double kContributionSquareMax = 0x1p40;
 // Rays of one path.
 inline constexpr uint64_t kContributionRaysMax = uint64_t{1} << 20;
 
-// For so many paths over the whole frame. Requires: a frame with pixels.
+// For `paths` paths over the whole frame. Requires: a frame with pixels.
 ContributionGrid ContributionGridFor(int32_t width_px, int32_t height_px, uint64_t paths);
 
 // The Add functions may be called from many threads; Freeze, after all their calls. Values that are
@@ -42,10 +42,10 @@ class ContributionStatistics {
   // unit_exponent: values are counted in units of 2^unit_exponent. Requires: regions and blocks
   // within their limits, |unit_exponent| <= kGuidingUnitExponentMax.
   ContributionStatistics(uint32_t region_count, const ContributionGrid& grid, int unit_exponent);
-  // A path went on from a vertex in the region, scattered that much light there as a multiple of
-  // the light that it would carry, and took so many rays.
+  // A path left a vertex in the region, scattered that much light there as a multiple of
+  // the light that it would carry, and took `rays` rays.
   void AddVertex(uint32_t region, double scattered, uint64_t rays);
-  // A path from the pixel brought that radiance, with so many rays in all.
+  // A path from the pixel brought that radiance, with `rays` rays in all.
   void AddPath(int32_t x, int32_t y, double radiance, uint64_t rays);
 
   // Empty where no path brought light.

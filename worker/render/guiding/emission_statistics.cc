@@ -61,14 +61,14 @@ class EmissionFit {
       return square_of_squares > 0 ? square * square / square_of_squares : 0;
     }
   };
-  // What a part of the tree costs, and the sum of its cells' weights.
+  // The cost of a part of the tree, and the sum of its cells' weights.
   struct Cost {
     double weight = 0, price = 0;
   };
   struct Division {
     Kind kind = Kind::kCell;
     uint32_t light = 0;
-    double lower_measure = 0.5;  // Of the box's.
+    double lower_measure = 0.5;  // As a fraction of the box's measure.
   };
 
   static Sums SumsOf(std::span<const Path> paths) {
@@ -115,8 +115,8 @@ class EmissionFit {
     for (size_t axis = 0; axis < kEmissionAxes; ++axis) {
       if (!axes.Has(axis) || box.halvings[axis] == kEmissionHalvingsMax) continue;
       const Division division{static_cast<Kind>(axis + 1), 0, 0.5};
-      // Of axes that gain alike, that of the longest side: what is even now may not be so further
-      // down.
+      // Among axes that gain alike, the longest side: a density that is even now may not be so
+      // further down.
       const double weight = WeightOfHalves(box, division, paths) * (1 - 0.01 * box.size[axis]);
       if (best && !(weight < least)) continue;
       best = division;

@@ -8,8 +8,8 @@
 // of what a path brings to pixels, and q is the density of the paths. It is least for q ~ rms(f) in
 // each cell, and then equals the squared sum of the cells' weights, sqrt(measure * integral of
 // f^2). So the tree of cells minimizes that sum plus a price for each cell (as MapPartition does),
-// which is what cells gain by chance: the fewer paths there are in a cell, the dearer it is to
-// divide it.
+// which is what cells gain by chance: the fewer paths there are in a cell, the more expensive it is
+// to divide it.
 #pragma once
 
 #include <array>
@@ -60,7 +60,7 @@ class EmissionStatistics {
   struct Kept {
     EmissionFinding finding;
     double integrand = 0;  // Its square, as f^2 per measure.
-    double density = 0;    // That of the paths of all iterations at this place.
+    double density = 0;    // The density of the paths of all iterations at this place.
   };
   struct Iteration {
     EmissionField field;

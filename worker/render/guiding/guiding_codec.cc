@@ -99,7 +99,7 @@ class GuidingFieldReader {
     }
     GuidingField field(lower, upper);
     if (absl::Status status = ReadSpace(&field, 0, 0); !status.ok()) return status;
-    if (!bytes_.empty()) return Wrong("goes on after its end");
+    if (!bytes_.empty()) return Wrong("has bytes after its end");
     return field;
   }
 

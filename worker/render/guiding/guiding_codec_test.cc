@@ -146,7 +146,7 @@ TEST(GuidingCodecTest, EachKindOfDamageHasItsReason) {
       {Replaced(bytes, kLightAt, Bytes(-1.0)), "has light that is negative or not finite"},
       {Replaced(bytes, kLightAt, Bytes(-0.0)), "has light that is negative or not finite"},
       {Replaced(bytes, kLightAt, Bytes(HUGE_VAL)), "has light that is negative or not finite"},
-      {Replaced(bytes, kLightAt, Bytes(0.0)), "goes on after its end"},
+      {Replaced(bytes, kLightAt, Bytes(0.0)), "has bytes after its end"},
       {Replaced(bytes, kShareAt, Bytes(0.95f)), "has an impossible share of directions"},
       {Replaced(bytes, kShareAt, Bytes(std::nanf(""))), "has an impossible share of directions"},
       {Replaced(bytes, kQuadsAt, "\x1f"), "has a damaged tree of directions"},
@@ -154,7 +154,7 @@ TEST(GuidingCodecTest, EachKindOfDamageHasItsReason) {
       {Replaced(bytes, kQuadsAt + 1, Bytes(std::nanf(""))), "has a direction without density"},
       {Replaced(bytes, kQuadsAt + 1, Bytes(0.9f)), "has fractions that do not sum to 1"},
       {bytes.substr(0, kQuadsAt + kNodeBytes + 3), "ends too early"},
-      {bytes + '\0', "goes on after its end"},
+      {bytes + '\0', "has bytes after its end"},
       {head + std::string(49, 1), "has a tree of regions that is too deep"},
       {std::string(kGuidingDirectionsBytesMax + 1, 0), "is larger than any"},
   };

@@ -35,7 +35,7 @@ namespace sheaf::render {
 inline constexpr uint32_t kGuidingRegionsMax = 1u << 13;
 inline constexpr uint32_t kGuidingQuadsMax = 1u << 20;  // In all regions together.
 inline constexpr int kGuidingQuadDepthMax = 10;
-inline constexpr int kGuidingSpaceDepthMax = 48;  // Of the tree, sides included.
+inline constexpr int kGuidingSpaceDepthMax = 48;  // The tree's depth, sides included.
 
 // The part of each region's samples that is spread evenly over the sphere, so that no direction has
 // a density of 0: small against what is learned, large enough to see light that is new.
@@ -79,7 +79,8 @@ class GuidingRegion {
 
   // A square of the map in four quads, numbered x + 2 y.
   struct Node {
-    std::array<float, 4> fraction{};  // Of the square's samples; greater than 0, their sum is 1.
+    std::array<float, 4>
+        fraction{};  // Fractions of the square's samples; greater than 0, their sum is 1.
     std::array<uint16_t, 4> child{};  // Index of the node that divides the quad; 0: none does.
   };
 

@@ -107,7 +107,7 @@ class GuidingRefinement {
   struct Region {
     std::vector<std::array<double, 4>> weights;  // [node][quad]: sums, of the nodes below too.
     double total = 0;
-    double number = 0;                                // Of values, in all iterations.
+    double number = 0;                                // The number of values, in all iterations.
     std::array<double, kParts + 1> numbers_before{};  // Values in all parts before this one.
     int depth = 0;
     size_t copies = 1;  // Regions that take its place.

@@ -24,7 +24,7 @@ constexpr uint64_t TrainingPathsFirst(int32_t width_px, int32_t height_px) {
 // pixel of the frame, and in full HD about one.
 inline constexpr uint32_t kTrainingIterations = 4;
 inline constexpr int kLightsShift = 1;
-// Where paths are split, each of so many passes traces 2^kContributionsShift times as many as the
+// Where paths are split, each of this many passes traces 2^kContributionsShift times as many as the
 // first iteration, to learn what they contribute; the second pass, split by what the first
 // found: 25 times as many as in the first iteration in all.
 inline constexpr uint32_t kContributionPasses = 2;

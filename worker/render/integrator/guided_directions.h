@@ -29,7 +29,7 @@ class GuidedDirections {
 
   bool active() const { return region_ != nullptr; }
   LightVisibilityRow lights() const { return lights_; }
-  // A factor of the number of paths that go on: path_splits.h.
+  // A factor of the number of paths that continue: path_splits.h.
   float split_factor() const { return split_factor_; }
   // GuidingRegion::ScatteredLight; 0 where scattering alone samples directions.
   float ScatteredLight() const {

@@ -2,8 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // LightPathIntegrator: paths that begin at lights. Each vertex is connected to the camera, and its
-// light added to the film where the camera sees it; the scattered ray goes on. Weights combine that
-// with the techniques of the camera's paths (two_ends.h). Source: Dutre, Lafortune and Willems
+// light added to the film where the camera sees it; the scattered ray continues. Weights combine
+// that with the techniques of the camera's paths (two_ends.h). Source: Dutre, Lafortune and Willems
 // 1993, "Monte Carlo Light Tracing with Direct Computation of Pixel Intensities"; Veach 1997, ch.
 // 10; docs/adr/0063.
 //
@@ -49,7 +49,7 @@ typename C::Color TransmittanceToLens(const Context<C>& c, const Vertex& vertex,
     if (!vertex.EnterSide(c, seen.wi, path, &media)) return {};
     if constexpr (C::kCountsLines && !Vertex::kIsSurface) {
       if (path.other_end.is_first && path.other_end.line.is_sought) {
-        double length = 0;  // Of the segment.
+        double length = 0;  // The segment's length.
         const Color transmittance = TraceTransmittance(
             c, ray, &seen.p_lens, u, path, std::move(media),
             [&](const Ray&, uint32_t crossing, double part, const Color&, const MediumState<C>&) {

@@ -34,7 +34,7 @@ struct MediumVertex {
   MediumScatterer scatterer;
   Vec3f d;  // Direction of the path, unit.
   PhaseMixture<Color> phase;
-  [[no_unique_address]] GuidedDirectionsOf<C> guided;  // What camera paths know here.
+  [[no_unique_address]] GuidedDirectionsOf<C> guided;  // Known to camera paths.
   static constexpr Vec3f light_hint{};
   static constexpr bool kIsSurface = false;
 
@@ -94,7 +94,7 @@ struct MediumVertex {
 
  private:
   void Record(const Context<C>& c, const PathState<C>& path, FilmSample* film) const;
-  // A direction in which a camera path may go on. *density_scale and *roulette_scale: as for
+  // A direction in which a camera path may continue. *density_scale and *roulette_scale: as for
   // surfaces.
   typename PhaseMixture<Color>::Sample SampleDirection(const std::array<float, 4>& u,
                                                        float* density_scale,

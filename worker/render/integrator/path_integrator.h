@@ -42,7 +42,7 @@ void FollowPath(const Context<C>& c, PathState<C>* path, FilmSample* film) {
       // The same for the emission of heterogeneous media.
       if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
     }
-    // Let further paths go on from here, where the field says that it pays.
+    // Let further paths leave the vertex, where the field says that it pays.
     if constexpr (C::kGuided) SplitPathAt(c, vertex, path);
     // Sample the direction in which the path continues; Russian roulette may end it.
     return vertex.Scatter(c, path);

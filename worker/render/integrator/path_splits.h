@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Splitting: where a field knows that the light to be found matters to the pixel and is uncertain,
-// several paths go on from a vertex, each with its part of the weight
+// several paths leave a vertex, each with its part of the weight
 // (worker/render/guiding/contribution_field.h). Sources: Vorba and Krivanek 2016, "Adjoint-Driven
 // Russian Roulette and Splitting in Light Transport Simulation"; Rath et al. 2022, "EARS:
 // Efficiency-Aware Russian Roulette and Splitting". docs/adr/0091.
@@ -26,7 +26,7 @@
 
 namespace sheaf::render {
 
-// Paths that go on from a vertex.
+// Paths that leave a vertex.
 inline constexpr float kSplitNumberMax = 8;
 // Paths that wait at once, and that split off in all, of one sample.
 inline constexpr uint32_t kSplitPathsWaitingMax = 64, kSplitPathsOfSampleMax = 256;
@@ -38,7 +38,7 @@ class SplitPaths {
   struct Waiting {
     PathState<C> path;
     uint32_t number = 0;                               // Within the sample, from 1.
-    size_t record = TrainingRecords<C>::kNotRecorded;  // Of the direction that it took.
+    size_t record = TrainingRecords<C>::kNotRecorded;  // The record of the direction that it took.
   };
 
   // A sample's first path begins. The sampler outlives all its paths. pixel_factor:
@@ -80,7 +80,7 @@ Context<C> WithSampler(const Context<C>& c, const Sampler& sampler) {
   return {c.scene, c.tracer, sampler, c.counts, c.outputs, c.groups, c.guiding, c.emission};
 }
 
-// How many paths are to go on from the vertex, within the limits; 1 where the field does not know.
+// How many paths are to leave the vertex, within the limits; 1 where the field does not know.
 template <typename C, typename Vertex>
 float SplitNumber(const SplitPaths<C>& splits, const Vertex& vertex, const PathState<C>& path) {
   const float number =
@@ -122,8 +122,8 @@ void NotePathEnd(const Context<C>& c, const typename C::Color& radiance) {
   c.guiding.training->Close(radiance, c.counts.rays, waiting);
 }
 
-// Takes the last path of those that wait. Its radiance goes on from that of the others. Returns its
-// number; 0 if none waits. Requires: paths are split.
+// Takes the last path of those that wait. Its radiance continues from that of the others. Returns
+// its number; 0 if none waits. Requires: paths are split.
 template <typename C>
 uint32_t TakeWaiting(const Context<C>& c, const typename C::Color& radiance, PathState<C>* path) {
   SplitPaths<C>& splits = *c.guiding.splits;

@@ -75,8 +75,8 @@ struct SubsurfaceState {
 };
 
 // Densities with which the other end finds the path so far, each over that of scattering, by which
-// the path itself goes on: two_ends.h. Vertices that do not belong to the path yet have no part in
-// them.
+// the path itself continues: two_ends.h. Vertices that do not belong to the path yet have no part
+// in them.
 struct CameraEnd {
   RunningDensity<PathEnd::kCamera> light_paths;
   bool is_first = true;  // No vertex has scattered the path yet that light paths may meet.
@@ -98,24 +98,24 @@ struct KnownLine {
   // The vertex scatters paths on it, and the path has not met its start yet.
   bool is_sought = false;
   double chosen = 0;       // The probability with which the vertex chooses the light.
-  double extinction = 0;   // Of the heterogeneous medium that scatters; 0: homogeneous ones do.
+  double extinction = 0;   // The heterogeneous medium that scatters; 0: homogeneous ones do.
   double over_sample = 0;  // The density of line samples over that of light samples.
 };
 struct LightEnd {
   uint32_t light = 0;
-  Vec3f p, n;                // Of the ray that left the light: as EmittedRay.
+  Vec3f p, n;                // The ray that left the light, as in EmittedRay.
   bool is_infinite = false;  // Not a distant light.
   bool is_medium = false;    // The emission of media; `light` and `n` are unused.
   bool can_be_hit = false;   // Scattering finds the light.
   double scale = 0;          // Flux is throughput * scale.
   // With which the light emits the path, and with which the first vertex samples the light.
   double emitted = 0, sampled = 0;
-  RunningDensity<PathEnd::kLight> camera_paths;  // Of the camera's techniques together.
+  RunningDensity<PathEnd::kLight> camera_paths;  // The camera's techniques together.
   bool is_first = true, is_specular_first = false;
   // The densities of the camera's techniques at the first vertex depend on the vertices after it,
   // and are no part of camera_paths.
   bool is_open = false;
-  double hit = 0;  // That of scattering there.
+  double hit = 0;  // The density of scattering there.
   SampledByParts by_parts;
   KnownLine line;
 };
@@ -123,13 +123,13 @@ struct LightEnd {
 // The state of paths in guided frames.
 template <typename Color>
 struct GuidedState {
-  LightVisibilityRow lights;  // What is known of lights at `from`.
+  LightVisibilityRow lights;  // The visibility of lights at `from`.
   Color throughput_before;    // Before the last vertex scattered the path.
   // The light that paths bring through the last vertex, as they carry it to the camera: what its
   // region scatters, over the same of the first vertex; 0: unknown.
   float expected_light = 0;
-  float first_light = 0;      // That of the first vertex.
-  float scattering_part = 1;  // Of the density of the path's direction: FoundLight.
+  float first_light = 0;      // The expected light of the first vertex.
+  float scattering_part = 1;  // As a part of the density of the path's direction: FoundLight.
 };
 
 // The state of paths in frames that split the lights.

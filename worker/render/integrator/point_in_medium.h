@@ -73,7 +73,7 @@ inline Vec3d OffsetFrom(const NearPlane& near, const Ray& ray) {
 
 // The length of a segment that is `length` from the rounded origin of the ray to what it hits.
 inline double ExactLength(const NearPlane& near, const Ray& ray, double length) {
-  // Of points next to the plane, in roundings of their coordinates.
+  // The reach of points next to the plane, in roundings of their coordinates.
   constexpr double kReach = 64;
   const Vec3d n = ToDouble(near.n), d = Normalize(ToDouble(ray.d));
   const double descent = -Dot(n, d);

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Russian roulette: ends paths of low throughput at random, without bias. Where a field knows that
-// a path of low throughput has come to where the light is, the path goes on: its light is what the
-// samples of a dark pixel wait for. Source of the idea, there with fewer survivors too: Vorba and
-// Krivanek 2016, "Adjoint-Driven Russian Roulette and Splitting in Light Transport Simulation".
+// a path of low throughput has come to where the light is, the path continues: its light is what
+// the samples of a dark pixel wait for. Source of the idea, there with fewer survivors too: Vorba
+// and Krivanek 2016, "Adjoint-Driven Russian Roulette and Splitting in Light Transport Simulation".
 #pragma once
 
 #include <algorithm>

@@ -52,7 +52,7 @@ struct SurfaceVertex {
     light_hint = stored.ng * static_cast<float>(stored.light_side);
     if constexpr (C::kGuided) guided = GuidedDirectionsAt(c, {p, light_hint}, /*may_guide=*/true);
   }
-  // What that keeps of the vertex.
+  // Stores the parts of the vertex that a gather point keeps.
   void Store(GatherPointOf<Color>* stored) const {
     stored->bsdf = bsdf;
     stored->ng = point.ng;
@@ -73,7 +73,7 @@ struct SurfaceVertex {
   [[no_unique_address]] OptionalNormal perturbed_normal;
   [[no_unique_address]] StateIf<C::kPerturbedNormals, uint32_t> index;  // For sample dimensions.
   [[no_unique_address]] StateIf<C::kBothEnds, Frame> interpolated_shading;  // Before Prepare.
-  [[no_unique_address]] GuidedDirectionsOf<C> guided;  // What camera paths know here.
+  [[no_unique_address]] GuidedDirectionsOf<C> guided;  // Known to camera paths.
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   Vec3f wo_local;
   Vec3f light_hint{};  // Lights behind this normal do not contribute; zero if all may.
@@ -97,7 +97,7 @@ struct SurfaceVertex {
     if constexpr (C::kSplitsLights) return {guided.lights(), splits.samples_max};
     return guided.lights();
   }
-  // f * |cos|, and the pdf with which camera paths go on towards w, per solid angle.
+  // f * |cos|, and the pdf with which camera paths continue towards w, per solid angle.
   BsdfValueOf<Color> Eval(Vec3f w) const {
     BsdfValueOf<Color> value = EvalScattering(w);
     if constexpr (C::kGuided) value.pdf = guided.Pdf(value.pdf, w);
@@ -130,7 +130,7 @@ struct SurfaceVertex {
   bool Scatter(const Context<C>& c, PathState<C>* path) const;
   // The same for a path from a light.
   bool ScatterFromLight(const Context<C>& c, PathState<C>* path) const;
-  // The factor by which a path from a light is multiplied beside f * |cos| where it goes on along
+  // The factor by which a path from a light is multiplied beside f * |cos| where it continues along
   // w: it carries flux through the true surface. Source: Veach 1997, sec. 5.3.
   float FluxFactor(Vec3f w, const PathState<C>& path) const {
     return std::fabs(Dot(w, point.ng) / Dot(path.ray.d, point.ng));
@@ -149,7 +149,7 @@ struct SurfaceVertex {
   // Keeps the light that vertex normals tilt below the surface.
   OptionalNormal TiltByVertices(const Context<C>& c, Vec3f wo);
   OptionalNormal TiltTo(const Context<C>& c, PerturbedNormal::Source source);
-  // A direction in which a path from a light may go on, in the shading frame.
+  // A direction in which a path from a light may continue, in the shading frame.
   std::optional<BsdfSampleOf<Color>> SampleScattering(const std::array<float, 4>& u) const;
   // The same for a camera path. *density_scale: the density over that of scattering, 0 where that
   // is 0. *roulette_scale: multiplied by its PathState::roulette_scale.

@@ -56,7 +56,7 @@ class TrainingRecords {
     float pdf = 0, scattering_part = -1;  // As in FoundLight.
     bool is_specular = false;
     Color throughput_before, throughput;  // Before and after the vertex scattered the path.
-    Color radiance;                       // What the path had found before.
+    Color radiance;                       // Found by the path before.
     uint64_t rays = 0;                    // That had been traced before.
   };
   void Note(const Direction& direction) {
@@ -80,7 +80,7 @@ class TrainingRecords {
     records_.back().is_open = false;
     return records_.size() - 1;
   }
-  // The path goes on that took the direction. radiance and rays: of the sample so far; waiting:
+  // The path that took the direction continues. radiance and rays: of the sample so far; waiting:
   // how many others still wait.
   void Resume(size_t record, const Color& radiance, uint64_t rays, size_t waiting) {
     waiting_ = waiting;
@@ -131,7 +131,7 @@ class TrainingRecords {
  private:
   struct Record {
     Direction direction;
-    Color radiance_after;     // What the sample had found when all was known.
+    Color radiance_after;     // Found by the sample when all was known.
     uint64_t rays_after = 0;  // The same of rays.
     size_t waiting = 0;       // Paths that waited when the direction was taken.
     bool is_open = false;     // More may be found.

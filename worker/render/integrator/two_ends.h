@@ -355,8 +355,8 @@ double CameraPathsAtLens(const Context<C>& c, double forward, double flux, doubl
          c.scene.light_paths_per_pass;
 }
 
-// The same where it is merged with a camera path that has so many vertices up to there, at a radius
-// of weights and with this cosine.
+// The same for a light path that is merged, within the radius and at the cosine, with a camera path
+// of camera_vertices vertices.
 template <typename C>
 double CameraPathsAtMerge(const Context<C>& c, double forward, float radius, double cosine,
                           uint32_t camera_vertices, const PathState<C>& path) {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // EmissionPlace: a ray of a light as a point of the unit cube of four dimensions, and the maps of
-// areas that make it. What is learned about the rays of a light is learned about boxes of this
+// areas that make it. Facts about the rays of a light are learned for boxes of this
 // cube, so its axes should be smooth in position and direction, and uniform places should be the
 // light's own choice of rays where that has a closed form:
 //

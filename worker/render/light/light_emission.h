@@ -41,7 +41,7 @@ struct EmittedRayOf {
   Vec3f n;         // Normal of a surface there, as LightSample::n_light; zero otherwise.
   Vec3f w;         // Unit, leaving the light.
   Color power;     // Per the light's measure, above.
-  double pdf = 0;  // Of the ray in that measure, times the probability of choosing the light.
+  double pdf = 0;  // The ray's pdf in that measure, times the probability of choosing the light.
   uint32_t light = 0;
   bool is_infinite = false;  // p is not on the light.
   bool is_unseen = false;    // No ray hits the light there, as EmissionDetail says.
@@ -111,7 +111,7 @@ class LightEmission {
   bool IsInfinite(uint32_t light) const;
   // A light on a surface.
   bool IsSurface(uint32_t light) const;
-  // Of the table; those at infinity are the last ones.
+  // The table's lights; those at infinity are the last ones.
   uint32_t light_count() const;
   uint32_t first_infinite() const;
 

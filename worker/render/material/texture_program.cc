@@ -34,7 +34,7 @@ float Reduce(double coordinate, TextureWrap wrap) {
 // narrow, in parts of a cell; beside an image they only bound the step.
 constexpr double kSlopeStepWithoutScale = 0.0005f, kSlopeStepMin = 0x1p-60, kSlopeStepMax = 0.25;
 constexpr double kEdgeOfCell = 0.0005f, kEdgeOfCellMax = 0.125;
-// Of images by position: nearly the slope at the point itself.
+// For images by position: nearly the slope at the point itself.
 constexpr double kTexelPart = 1.0 / 16;
 // Nearer to an axis than this part of the distance to the center, angles about it turn no faster.
 constexpr double kAxisMin = 0x1p-20;

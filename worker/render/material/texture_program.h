@@ -68,10 +68,10 @@ class TextureProgram {
 
   // Number of channels of an image texture; 0 for any other.
   int ImageChannels(int32_t texture) const;
-  // What the steps for the slopes of a texture follow from.
+  // The sizes from which the steps for the slopes of a texture follow.
   struct SlopeScale {
-    // Of textures mapped by uv, in uv: half a texel of the finest image, and a side of the smallest
-    // cell; infinite where there is none.
+    // For textures mapped by uv, in uv: half a texel of the finest image, and a side of the
+    // smallest cell; infinite where there is none.
     Vec2d half_texel{kNoScale, kNoScale}, cell{kNoScale, kNoScale};
     std::vector<int32_t> by_position;  // The textures whose scale depends on the point.
     Vec2d step;                        // In uv, if by_position is empty.
@@ -101,7 +101,7 @@ class TextureProgram {
     UvMapping::Kind mapping = UvMapping::Kind::kUv;
     TextureWrap wrap = TextureWrap::kRepeat, wrap_v = TextureWrap::kRepeat;
     bool is_color = false, nearest = false, invert = false;
-    int8_t channel = kNone;     // Of an image as a float texture; kNone: pbrt-v4's choice.
+    int8_t channel = kNone;     // For an image as a float texture; kNone: pbrt-v4's choice.
     bool is_threshold = false;  // Its values are 1 from `threshold` on, else 0.
     float threshold = 0;
     Rgb tint = Rgb::Gray(1);
@@ -109,7 +109,7 @@ class TextureProgram {
     int32_t mapping_index = kNone;             // In mappings_.
     TextureImage image;
     float scale = 1;
-    float factor = 1;                 // Of an image as a color texture, after invert.
+    float factor = 1;                 // For an image as a color texture, after invert.
     int32_t primaries_index = kNone;  // In primaries_, of an image in other primaries than sRGB.
     ColorOperand color[2];
     FloatOperand value[2];

@@ -88,7 +88,7 @@ class TextureProgram::Builder {
 
   absl::Status TooDeep(int32_t texture) const {
     return Error(texture, absl::StatusCode::kInvalidArgument,
-                 absl::StrCat("nests so many textures that one look-up evaluates more than ",
+                 absl::StrCat("nests textures so deep that one look-up evaluates more than ",
                               kEvaluationsMax, "; bake it into an image"));
   }
 

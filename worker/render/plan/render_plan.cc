@@ -346,7 +346,7 @@ class PlanMaker {
         "the first sample");
     if (!SplitsPaths(techniques)) return;
     plan->notes.emplace_back(
-        "splitting: several paths go on from where the training found light that matters to the "
+        "splitting: several paths leave where the training found light that matters to the "
         "pixel and is uncertain");
   }
 

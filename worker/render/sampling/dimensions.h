@@ -53,7 +53,7 @@ constexpr uint32_t LightPartSlot(uint32_t vertex, uint32_t part) {
   return (9u << 28) + ((part & 15u) << 24) + (vertex & 0xffffffu);
 }
 
-// For the number of paths that go on from a vertex. Vertices 2^28 apart share slots.
+// For the number of paths that leave a vertex. Vertices 2^28 apart share slots.
 constexpr uint32_t SplitSlot(uint32_t vertex) { return (10u << 28) + (vertex & 0xfffffffu); }
 
 }  // namespace sheaf::render

@@ -41,7 +41,8 @@ class PixelFilter {
     std::vector<float> cdf;       // CDF of |value| at the nodes, from 0 to 1.
     std::vector<uint16_t> guide;  // First interval to test, by u.
     float weight = 1;             // Integral of |f| over integral of f.
-    double inverse_integral = 1;  // Of f over the whole axis, in units of the radius.
+    double inverse_integral =
+        1;  // The inverse of f's integral over the whole axis, in units of the radius.
   };
   struct AxisSample {
     float x, weight;

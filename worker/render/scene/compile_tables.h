@@ -19,7 +19,7 @@
 
 namespace sheaf::render {
 
-// What is known of the scene before its meshes are displaced.
+// Facts about the scene before its meshes are displaced.
 struct CompileInput {
   RenderPlan plan;
   MediumVelocities velocities;

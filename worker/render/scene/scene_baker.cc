@@ -41,7 +41,7 @@ class SceneBaker {
   }
   // Sets the origin of render space, after BakeObjects.
   absl::Status ChooseOrigin();
-  // Of all shapes, in the world. is_rough: of a few vertices of each mesh.
+  // The bounds of all shapes, in the world. is_rough: of a few vertices of each mesh.
   Bounds WorldBounds(bool is_rough) const;
   absl::Status BakeObjects();
   // Makes a group of its own of a shape that moves, in its own space. Returns none if nothing of
@@ -339,7 +339,7 @@ absl::Status SceneBaker::BakeWorldShapes() {
 
 SourceLocation SceneBaker::LocationOf(const PlacedGroup& placed) const {
   if (placed.instance != kNone) return scene_.instances[placed.instance].location;
-  const GeometryGroup& group = geometry_.groups[placed.group];  // Of one moving shape.
+  const GeometryGroup& group = geometry_.groups[placed.group];  // The group of one moving shape.
   const Surface& surface = !group.meshes.empty()     ? group.meshes[0].surface
                            : !group.patches.empty()  ? group.patches[0].surface
                            : !group.quadrics.empty() ? group.quadrics[0].surface

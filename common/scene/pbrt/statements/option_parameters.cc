@@ -32,7 +32,7 @@ struct MethodParameter {
 // src/pbrt/cpu/integrators.cpp of pbrt-v4.
 struct OtherIntegrator {
   const char* name;
-  const char* mean;  // What is known about the image, compared with pbrt-v4's.
+  const char* mean;  // The facts about the image, compared with pbrt-v4's.
   std::array<MethodParameter, 5> parameters;
 };
 constexpr char kSameMean[] = "the mean is the same";

@@ -104,7 +104,7 @@ bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* sh
 std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::string>& names,
                                                      ParameterList& parameters, MeshOrigin* at) {
   std::optional<TriangleMesh> mesh;
-  std::vector<uint32_t> fans;  // Of the first step; kept if there are more.
+  std::vector<uint32_t> fans;  // Fans of the first step; kept if there are more.
   for (size_t i = 0; i < names.size(); ++i) {
     const Parameter& parameter =
         *parameters.Find(i == 0 ? std::string("filename") : absl::StrCat("filename", i));

@@ -48,7 +48,7 @@ struct Parameter {
   SourceLocation location;
   // The values are in the vector that fits the type; a spectrum has floats or one string.
   std::vector<float> floats;
-  // Of a point3: what rounding to float took; empty if nothing.
+  // For a point3: the parts that rounding to float took; empty if it took nothing.
   std::vector<float> remainders;
   std::vector<int32_t> integers;
   std::vector<std::string> strings;
