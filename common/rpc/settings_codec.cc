@@ -5,7 +5,6 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/message.h>
 
-#include <cmath>
 #include <iterator>
 #include <optional>
 #include <string>
@@ -14,8 +13,6 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/scene/settings/frame_settings_fields.h"
-#include "common/scene/spectrum/primaries.h"
-#include "common/scene/spectrum/sensor.h"
 
 namespace sheaf {
 namespace {
@@ -160,31 +157,6 @@ class FieldReader {
   absl::Status& status_;
 };
 
-// Errors: kInvalidArgument for values that are out of range.
-absl::Status CheckRanges(const FrameSettings& settings) {
-  if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
-    return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
-                                                   " scatterings is out of range"));
-  }
-  if (!IsLightSamples(settings.light_samples)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(settings.light_samples, " light samples at a vertex are out of range"));
-  }
-  if (settings.white_balance_k != 0 && !(settings.white_balance_k >= kWhiteBalanceMinK &&
-                                         settings.white_balance_k <= kWhiteBalanceMaxK)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("a white balance of ", settings.white_balance_k, " K is out of range"));
-  }
-  if (!settings.sensor.empty() && !IsSensor(settings.sensor)) {
-    return absl::InvalidArgumentError("the camera's sensor is unknown here");
-  }
-  if (!(settings.max_component_value >= 0 && std::isfinite(settings.max_component_value))) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("samples cannot be clamped to ", settings.max_component_value));
-  }
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 v1::PixelRect ToWire(const PixelRect& rect) {
@@ -217,7 +189,7 @@ absl::StatusOr<FrameSettings> FromWire(const v1::FrameSettings& wire) {
   FrameSettings settings;
   absl::Status status;
   VisitFrameSettings(settings, FieldReader(wire, &status));
-  status.Update(CheckRanges(settings));
+  status.Update(CheckSettings(settings));
   if (!status.ok()) return status;
   return settings;
 }

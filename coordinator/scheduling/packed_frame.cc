@@ -3,7 +3,6 @@
 #include "coordinator/scheduling/packed_frame.h"
 
 #include <cstring>
-#include <tuple>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/string_view.h"
@@ -13,19 +12,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-// Does not compile if settings get another field, so that it is not forgotten here.
-auto FieldsOf(const FrameSettings& settings) {
-  const auto& [width_px, height_px, window, samples, max_depth, seed, color, single_scattering,
-               one_sequence, similarity_after, light_samples, techniques, force_generic_variant,
-               lattice, outputs, sensor, max_component_value, primaries, white_balance_k] =
-      settings;
-  return std::tie(width_px, height_px, window, samples, max_depth, seed, color, single_scattering,
-                  one_sequence, similarity_after, light_samples, techniques, force_generic_variant,
-                  lattice, outputs, sensor, max_component_value, primaries, white_balance_k);
-}
-
 bool Same(const FrameShape& shape, const FrameSpec& spec) {
-  return FieldsOf(shape.settings) == FieldsOf(spec.settings) && shape.stop == spec.stop &&
+  return shape.settings == spec.settings && shape.stop == spec.stop &&
          shape.resumed == spec.resumed;
 }
 

@@ -202,7 +202,7 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
   failure.time = absl::Now();
   farm->failures.assign(2, {failure,
                             "sheaf render turntable.0007.pbrt --crop 320,160,360,200 "
-                            "--samples 32 --seed 0 --max-depth 5"});
+                            "--samples 32 --max-depth 5 --seed 0"});
   if (job_count > 0) farm->jobs.push_back(MakeRunningJob(job_count, frame_count));
   const std::vector<EffectCost> effect_costs = {
       {"lens", "", "a pinhole", 0.043, 0.011, -0.0021, 0.0032, 1e-4, 1.02},

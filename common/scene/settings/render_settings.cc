@@ -16,6 +16,7 @@
 #include "common/film/denoised_output.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "common/scene/spectrum/primaries.h"
+#include "common/scene/spectrum/sensor.h"
 #include "sheaf_build_id.h"
 
 #ifndef SHEAF_VERSION
@@ -139,32 +140,34 @@ bool ScattersLostLight(const MaterialDescription& description) {
       description.material);
 }
 
+// Full precision, as digests need it.
+std::string DigestValue(const SettingField&, float value) { return absl::StrFormat("%.9g", value); }
 template <typename T>
-bool IsDefault(const T& value) {
-  return value == T{};
+std::string DigestValue(const SettingField& field, const T& value) {
+  return SettingText(field, value);
 }
-bool IsDefault(const FilmOutputs& outputs) { return outputs.empty(); }
-bool IsDefault(const PixelLattice& lattice) { return lattice.All(); }
-
-std::string DigestValue(const DigestLine& line, bool value) { return value ? line.on : line.off; }
-std::string DigestValue(const DigestLine&, int32_t value) { return absl::StrCat(value); }
-std::string DigestValue(const DigestLine&, uint64_t value) { return absl::StrCat(value); }
-std::string DigestValue(const DigestLine&, float value) { return absl::StrFormat("%.9g", value); }
-std::string DigestValue(const DigestLine&, const std::string& value) { return value; }
-std::string DigestValue(const DigestLine&, ColorTransport value) {
-  return ColorTransportName(value);
-}
-std::string DigestValue(const DigestLine&, TechniqueSet value) { return value.Name(); }
-std::string DigestValue(const DigestLine&, Primaries value) { return PrimariesName(value); }
-std::string DigestValue(const DigestLine&, const FilmOutputs& value) {
-  return FormatOutputs(value);
-}
-std::string DigestValue(const DigestLine&, const PixelLattice& value) {
-  return absl::StrCat(value.stride_px);
-}
-std::string DigestValue(const DigestLine&, const PixelRect& value) { return RectText(value); }
 
 }  // namespace
+
+std::string SettingText(const SettingField& field, bool value) {
+  return value ? field.digest.on : field.digest.off;
+}
+std::string SettingText(const SettingField&, int32_t value) { return absl::StrCat(value); }
+std::string SettingText(const SettingField&, uint64_t value) { return absl::StrCat(value); }
+std::string SettingText(const SettingField&, float value) { return absl::StrCat(value); }
+std::string SettingText(const SettingField&, const std::string& value) { return value; }
+std::string SettingText(const SettingField&, ColorTransport value) {
+  return ColorTransportName(value);
+}
+std::string SettingText(const SettingField&, TechniqueSet value) { return value.Name(); }
+std::string SettingText(const SettingField&, Primaries value) { return PrimariesName(value); }
+std::string SettingText(const SettingField&, const FilmOutputs& value) {
+  return FormatOutputs(value);
+}
+std::string SettingText(const SettingField&, const PixelLattice& value) {
+  return absl::StrCat(value.stride_px);
+}
+std::string SettingText(const SettingField&, const PixelRect& value) { return RectText(value); }
 
 const char* ColorTransportName(ColorTransport color) {
   switch (color) {
@@ -242,6 +245,30 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   return resolved;
 }
 
+absl::Status CheckSettings(const FrameSettings& settings) {
+  if (settings.similarity_after < 0 || settings.similarity_after > kSimilarityAfterMax) {
+    return absl::InvalidArgumentError(absl::StrCat("similarity after ", settings.similarity_after,
+                                                   " scatterings is out of range"));
+  }
+  if (!IsLightSamples(settings.light_samples)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(settings.light_samples, " light samples at a vertex are out of range"));
+  }
+  if (settings.white_balance_k != 0 && !(settings.white_balance_k >= kWhiteBalanceMinK &&
+                                         settings.white_balance_k <= kWhiteBalanceMaxK)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("a white balance of ", settings.white_balance_k, " K is out of range"));
+  }
+  if (!settings.sensor.empty() && !IsSensor(settings.sensor)) {
+    return absl::InvalidArgumentError("the camera's sensor is unknown here");
+  }
+  if (!(settings.max_component_value >= 0 && std::isfinite(settings.max_component_value))) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("samples cannot be clamped to ", settings.max_component_value));
+  }
+  return absl::OkStatus();
+}
+
 FilmOutputs LightOutputsOf(const FrameSettings& settings) {
   FilmOutputs outputs = settings.outputs;
   if (MergesLightPaths(settings.techniques)) AddMergeBias(&outputs);
@@ -279,8 +306,8 @@ std::string FrameDigestText(const std::string& scene_digest, const FrameSettings
   VisitFrameSettings(settings, [&lines](const SettingField& field, const auto& value) {
     const DigestLine& line = field.digest;
     // Frames keep the digests that they had before a setting existed.
-    if (line.place == 0 || (!line.always && IsDefault(value))) return;
-    lines[line.place] = absl::StrCat(line.name, " ", DigestValue(line, value), "\n");
+    if (line.place == 0 || (!line.always && IsDefaultSetting(value))) return;
+    lines[line.place] = absl::StrCat(line.name, " ", DigestValue(field, value), "\n");
   });
   std::string text =
       absl::StrCat("sheaf-frame 3\nscene ", scene_digest, "\nsize_px ", settings.width_px, " ",

@@ -88,6 +88,7 @@ struct FrameSettings {
   // Properties of the delivered image; parts do not depend on them.
   Primaries primaries = Primaries::kSrgb;
   float white_balance_k = 0;  // See ImageColorOf.
+  friend bool operator==(const FrameSettings&, const FrameSettings&) = default;
 };
 
 // Whether FrameSettings::light_samples may have the value.
@@ -106,6 +107,9 @@ FilmOutputs OutputsOf(TaskKind kind, const FrameSettings& settings);
 // more than kLightGroupsMax light groups.
 absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
                                               const RenderSettings& settings);
+
+// Checks settings that another program sent. Errors: kInvalidArgument for a value out of range.
+absl::Status CheckSettings(const FrameSettings& settings);
 
 // A line for users who compare the image with pbrt-v4's; empty if no difference is expected.
 std::string ComparisonNote(const SceneDescription& scene, const FrameSettings& settings);

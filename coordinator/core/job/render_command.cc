@@ -3,6 +3,7 @@
 #include "coordinator/core/job/render_command.h"
 
 #include <algorithm>
+#include <type_traits>
 #include <vector>
 
 #include "absl/strings/ascii.h"
@@ -11,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "common/film/denoised_output.h"
+#include "common/scene/settings/frame_settings_fields.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -54,24 +56,18 @@ void AddOutputs(const FilmOutputs& outputs, std::string* command) {
 
 std::string RenderCommand(const std::string& scene, const FrameSettings& settings,
                           const PixelRect& tile, uint64_t sample_count) {
-  const FrameSettings& s = settings;
-  std::string command = absl::StrCat(
-      "sheaf render ", Quoted(scene), " --crop ", tile.x0, ",", tile.y0, ",", tile.x1, ",", tile.y1,
-      " --samples ", sample_count, " --seed ", s.seed, " --max-depth ", s.max_depth);
-  if (s.color != ColorTransport::kAuto) {
-    absl::StrAppend(&command, " --color ", ColorTransportName(s.color));
-  }
-  if (s.primaries != Primaries::kSrgb) {
-    absl::StrAppend(&command, " --primaries ", PrimariesName(s.primaries));
-  }
-  if (s.single_scattering) absl::StrAppend(&command, " --single-scattering");
-  if (s.one_sequence) absl::StrAppend(&command, " --one-sequence");
-  if (s.similarity_after != 0) absl::StrAppend(&command, " --similarity ", s.similarity_after);
-  if (s.light_samples != 0) absl::StrAppend(&command, " --light-samples ", s.light_samples);
-  // The scene may name other techniques.
-  absl::StrAppend(&command, " --techniques ", s.techniques.Name());
-  if (s.force_generic_variant) absl::StrAppend(&command, " --generic");
-  AddOutputs(s.outputs, &command);
+  std::string command =
+      absl::StrCat("sheaf render ", Quoted(scene), " --crop ", tile.x0, ",", tile.y0, ",", tile.x1,
+                   ",", tile.y1, " --samples ", sample_count);
+  VisitFrameSettings(settings, [&command]<typename T>(const SettingField& field, const T& value) {
+    const SettingName& flag = field.flag;
+    if (*flag.name == '\0' || (!flag.always && IsDefaultSetting(value))) return;
+    absl::StrAppend(&command, " --", flag.name);
+    if constexpr (!std::is_same_v<T, bool>) {
+      absl::StrAppend(&command, " ", SettingText(field, value));
+    }
+  });
+  AddOutputs(settings.outputs, &command);
   return command;
 }
 

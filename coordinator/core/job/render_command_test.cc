@@ -14,11 +14,11 @@ TEST(RenderCommandTest, NamesTileSamplesSeedAndDepth) {
   settings.seed = 9;
   settings.max_depth = 0;
   EXPECT_EQ(RenderCommand("shots/room.0007.pbrt", settings, kTile, 48),
-            "sheaf render shots/room.0007.pbrt --crop 32,0,64,17 --samples 48 --seed 9 "
-            "--max-depth 0 --techniques camera");
+            "sheaf render shots/room.0007.pbrt --crop 32,0,64,17 --samples 48 "
+            "--max-depth 0 --seed 9 --techniques camera");
   settings.techniques = TechniqueSet::kCameraGuided;
   EXPECT_EQ(RenderCommand("room.pbrt", settings, kTile, 1),
-            "sheaf render room.pbrt --crop 32,0,64,17 --samples 1 --seed 9 --max-depth 0 "
+            "sheaf render room.pbrt --crop 32,0,64,17 --samples 1 --max-depth 0 --seed 9 "
             "--techniques camera+guiding");
 }
 
@@ -36,9 +36,9 @@ TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
   settings.outputs.AddCryptomatte(IdKind::kMaterial);
   settings.outputs.light_groups = {"key", "rim"};
   EXPECT_EQ(RenderCommand("a.pbrt", settings, kTile, 1),
-            "sheaf render a.pbrt --crop 32,0,64,17 --samples 1 --seed 0 --max-depth 5 "
-            "--color spectral --primaries acescg --single-scattering --one-sequence "
-            "--similarity 8 --light-samples 4 --techniques camera+light --generic "
+            "sheaf render a.pbrt --crop 32,0,64,17 --samples 1 --max-depth 5 --seed 0 "
+            "--color spectral --single-scattering --one-sequence --similarity 8 "
+            "--light-samples 4 --techniques camera+light --generic --primaries acescg "
             "--aov uv,asset-id --cryptomatte object,material --light-groups");
 }
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -17,6 +19,7 @@
 #include "common/film/denoised_output.h"
 #include "common/film/error/rare_layers.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/scene/settings/frame_settings_fields.h"
 #include "coordinator/forecast/one_sequence.h"
 #include "coordinator/service/farm/delivery/denoise_frame.h"
 
@@ -38,8 +41,6 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
       {"frameNumber", absl::StrCat(spec.frame_number)},
       {"numericProfile", numeric_profile},
       {spec.stop.IsActive() ? "samplesPerPixelMax" : "samplesPerPixel", absl::StrCat(s.samples)},
-      {"depthMax", absl::StrCat(s.max_depth)},
-      {"seed", absl::StrCat(s.seed)},
       {"size", absl::StrCat(s.width_px, "x", s.height_px)},
       {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
   // Cells of tiles got their own samples; equal counts do not tell the cells' size.
@@ -48,25 +49,19 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
     metadata["cellSizePx"] = absl::StrCat(CellSizeOf(spec, partition));
   }
   if (!spec.resumed.sha256_hex.empty()) metadata["resumedFrom"] = spec.resumed.sha256_hex;
-  if (s.one_sequence) metadata["sampling"] = "one-sequence";
-  if (s.light_samples != 0) metadata["lightSamplesMax"] = absl::StrCat(s.light_samples);
-  if (s.techniques != TechniqueSet::kCamera) metadata["techniques"] = s.techniques.Name();
-  if (s.similarity_after != 0) {
-    metadata["similarityAfter"] = absl::StrCat(s.similarity_after);
-    metadata["bias"] = "similarity";
-  }
-  if (MergesLightPaths(s.techniques)) {
-    std::string& bias = metadata["bias"];
-    absl::StrAppend(&bias, bias.empty() ? "" : ", ", "merging");
-  }
-  if (s.max_component_value != 0) {
-    metadata["maxComponentValue"] = absl::StrCat(s.max_component_value);
-    std::string& bias = metadata["bias"];
-    absl::StrAppend(&bias, bias.empty() ? "" : ", ", "clamped samples");
-  }
-  if (!s.sensor.empty()) metadata["sensor"] = s.sensor;
-  if (s.primaries != Primaries::kSrgb) metadata["primaries"] = PrimariesName(s.primaries);
-  if (s.white_balance_k != 0) metadata["whiteBalanceK"] = absl::StrCat(s.white_balance_k);
+  std::vector<std::string> biases;
+  VisitFrameSettings(s, [&]<typename T>(const SettingField& field, const T& value) {
+    const SettingName& key = field.metadata;
+    const bool is_default = IsDefaultSetting(value);
+    if (*key.name != '\0' && (key.always || !is_default)) {
+      metadata[key.name] = SettingText(field, value);
+    }
+    if (*field.bias != '\0' && !is_default) biases.emplace_back(field.bias);
+    if constexpr (std::is_same_v<T, TechniqueSet>) {
+      if (MergesLightPaths(value)) biases.emplace_back("merging");
+    }
+  });
+  if (!biases.empty()) metadata["bias"] = absl::StrJoin(biases, ", ");
   return metadata;
 }
 
