@@ -1,21 +1,35 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-//
-// The part of Scheduler that holds back jobs with dependencies, and drained workers.
+#include "coordinator/scheduling/work_holds.h"
+
 #include <algorithm>
 #include <set>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "coordinator/scheduling/scheduler.h"
+#include "coordinator/scheduling/frame_phases.h"
 
-namespace sheaf::coordinator {
+namespace sheaf::coordinator::scheduling {
+namespace {
 
-absl::Status Scheduler::CheckDependencies(const JobSpec& spec) const {
+void JudgeFrame(WorkState& state, JobRecord* job, uint32_t index) {
+  FrameRecord& frame = job->frames[index];
+  const bool is_blocked = IsBlocked(state.jobs, *job, frame.number());
+  if (frame.blocked == is_blocked) return;
+  frame.blocked = is_blocked;
+  UpdateReady(state, job, index);
+}
+
+}  // namespace
+
+absl::Status CheckDependencies(const WorkState& state, const JobSpec& spec) {
   if (spec.dependencies.empty()) return absl::OkStatus();
   if (spec.pilot) return absl::InvalidArgumentError("dependencies: the pilot of a quote has none");
-  if (spec.dependencies.size() > limits_.job_dependencies_max) {
+  if (spec.dependencies.size() > state.limits.job_dependencies_max) {
     return absl::InvalidArgumentError(
-        absl::StrCat("dependencies: a job waits for ", limits_.job_dependencies_max,
+        absl::StrCat("dependencies: a job waits for ", state.limits.job_dependencies_max,
                      " others at most; let it wait for one that waits for the rest"));
   }
   std::set<uint64_t> named;
@@ -24,8 +38,8 @@ absl::Status Scheduler::CheckDependencies(const JobSpec& spec) const {
     if (!named.insert(dependency.job_id).second) {
       return absl::InvalidArgumentError(absl::StrCat("dependencies: ", name, " is named twice"));
     }
-    const auto job = jobs_.find(dependency.job_id);
-    if (job == jobs_.end() || job->second.spec.pilot) {
+    const auto job = state.jobs.find(dependency.job_id);
+    if (job == state.jobs.end() || job->second.spec.pilot) {
       return absl::NotFoundError(
           absl::StrCat(name, ": there is no such job to wait for; sheaf list lists them"));
     }
@@ -44,65 +58,52 @@ absl::Status Scheduler::CheckDependencies(const JobSpec& spec) const {
   return absl::OkStatus();
 }
 
-void Scheduler::JudgeDependencies(JobRecord* job) {
-  job->blocked = IsBlocked(jobs_, *job);
+void JudgeDependencies(WorkState& state, JobRecord* job) {
+  job->blocked = IsBlocked(state.jobs, *job);
   const bool by_frame = std::ranges::any_of(job->spec.dependencies, &JobDependency::by_frame);
   for (uint32_t index = 0; by_frame && index < job->frames.size(); ++index) {
-    JudgeFrame(job, index);
+    JudgeFrame(state, job, index);
   }
-  UpdateReadyJob(job);
+  UpdateReadyJob(state, job);
 }
 
-void Scheduler::JudgeFrame(JobRecord* job, uint32_t index) {
-  FrameRecord& frame = job->frames[index];
-  const bool is_blocked = IsBlocked(jobs_, *job, frame.number());
-  if (frame.blocked == is_blocked) return;
-  frame.blocked = is_blocked;
-  UpdateReady(job, index);
+void JudgeDependents(WorkState& state, uint64_t job_id) {
+  for (const uint64_t id : state.dependents.Of(job_id))
+    JudgeDependencies(state, &state.jobs.at(id));
 }
 
-void Scheduler::JudgeDependents(uint64_t job_id) {
-  for (const uint64_t id : dependents_.Of(job_id)) JudgeDependencies(&jobs_.at(id));
-}
-
-void Scheduler::JudgeDependentsOn(const FrameId& frame) {
-  for (const uint64_t id : dependents_.Of(frame.job_id)) {
-    JobRecord& job = jobs_.at(id);
+void JudgeDependentsOn(WorkState& state, const FrameId& frame) {
+  for (const uint64_t id : state.dependents.Of(frame.job_id)) {
+    JobRecord& job = state.jobs.at(id);
     if (const std::optional<uint32_t> index = job.FindIndex(frame.frame_number)) {
-      JudgeFrame(&job, *index);
+      JudgeFrame(state, &job, *index);
     }
   }
 }
 
-void Scheduler::Release(uint64_t job_id) {
-  JobRecord& job = jobs_.at(job_id);
+void Release(WorkState& state, uint64_t job_id) {
+  JobRecord& job = state.jobs.at(job_id);
   for (JobDependency& dependency : job.spec.dependencies) dependency.released = true;
-  JudgeDependencies(&job);
+  JudgeDependencies(state, &job);
 }
 
-void Scheduler::NoteRemoved(uint64_t job_id) {
-  for (auto& [id, job] : jobs_) {
+void NoteRemoved(WorkState& state, uint64_t job_id) {
+  for (auto& [id, job] : state.jobs) {
     for (JobDependency& dependency : job.spec.dependencies) {
       if (dependency.job_id == job_id) dependency.removed = true;
     }
   }
 }
 
-bool Scheduler::IsAwaited(uint64_t job_id) const {
-  if (jobs_.at(job_id).phase == JobPhase::kSucceeded) return false;
-  const std::set<uint64_t>& dependents = dependents_.Of(job_id);
+bool IsAwaited(const WorkState& state, uint64_t job_id) {
+  if (state.jobs.at(job_id).phase == JobPhase::kSucceeded) return false;
+  const std::set<uint64_t>& dependents = state.dependents.Of(job_id);
   return std::ranges::any_of(dependents, [&](uint64_t id) {
-    return std::ranges::any_of(jobs_.at(id).spec.dependencies,
+    return std::ranges::any_of(state.jobs.at(id).spec.dependencies,
                                [job_id](const JobDependency& dependency) {
                                  return dependency.job_id == job_id && !dependency.released;
                                });
   });
 }
 
-void Scheduler::Drain(const std::string& worker_id, bool then_exit) {
-  workers_.Drain(worker_id, then_exit);
-}
-
-void Scheduler::Undrain(const std::string& worker_id) { workers_.Undrain(worker_id); }
-
-}  // namespace sheaf::coordinator
+}  // namespace sheaf::coordinator::scheduling
