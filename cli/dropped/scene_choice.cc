@@ -6,24 +6,16 @@
 #include <filesystem>
 #include <system_error>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "cli/job/foreign_scene.h"
 #include "common/base/status.h"
 #include "common/content/relative_name.h"
+#include "common/scene/reader/scene_file_reader.h"
 
 namespace sheaf::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kSceneEndings[] = {".pbrt", ".gltf", ".glb"};
-
-bool IsScene(const fs::path& path) {
-  const std::string ending = absl::AsciiStrToLower(path.extension().string());
-  return std::find(std::begin(kSceneEndings), std::end(kSceneEndings), ending) !=
-         std::end(kSceneEndings);
-}
 
 struct FolderEntries {
   std::vector<fs::path> files, folders;
@@ -66,7 +58,7 @@ absl::StatusOr<std::vector<std::string>> ScenesIn(const fs::path& top, bool belo
     const absl::StatusOr<FolderEntries> entries = List(folder);
     if (!entries.ok()) return entries.status();
     for (const fs::path& file : entries->files) {
-      if (IsScene(file)) scenes.push_back(file.lexically_relative(top).string());
+      if (HasSceneEnding(file.string())) scenes.push_back(file.lexically_relative(top).string());
     }
     if (below) waiting.insert(waiting.end(), entries->folders.begin(), entries->folders.end());
   }
@@ -82,8 +74,8 @@ absl::Status NoSceneError(const fs::path& top) {
     if (!foreign.ok()) return foreign;
   }
   return absl::InvalidArgumentError(
-      "no scene is among the dropped files: drop a .pbrt, .gltf or .glb file with the files that "
-      "it names, their folder, or a zip file of it");
+      absl::StrCat("no scene is among the dropped files: drop a ", SceneEndings(),
+                   " file with the files that it names, their folder, or a zip file of it"));
 }
 
 }  // namespace

@@ -11,7 +11,7 @@
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
 #include "common/scene/black_image.h"
-#include "common/scene/gltf/scene_file_reader.h"
+#include "common/scene/reader/scene_file_reader.h"
 #include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/scene/memory_estimate.h"
 

@@ -30,7 +30,7 @@ ROOMS = {
            "< dropped | quote < study < commands",
     "common/film": ". < denoise | display | light < error < exr",
     "common/scene": ". < spectrum < settings | formats | gltf/draco | gltf/surrounding "
-                    "< pbrt/syntax < pbrt/statements < pbrt < gltf",
+                    "< pbrt/syntax < pbrt/statements < pbrt < gltf < reader",
     "coordinator/core": ". < job < frame | policy",
     "coordinator/service/farm": "state < jobs < delivery < intake | upkeep | queries < .",
     "coordinator/service/http": "image < server < api < .",

@@ -11,7 +11,7 @@
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
-#include "common/scene/gltf/scene_file_reader.h"
+#include "common/scene/reader/scene_file_reader.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/light_pass.h"
 #include "worker/render/plan/path_limits.h"
