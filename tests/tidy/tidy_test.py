@@ -137,7 +137,7 @@ DOORS = {
 # Where comments, messages and documents are plain English.
 PLAIN_FOLDERS = tuple(f + "/" for f in (
     "coordinator", "proto", "dashboard/src", "python", "blender", "deploy", "docs", "cli",
-    "common", "worker", "scenes"))
+    "common", "worker", "scenes")) + ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md")
 PLAIN_NOT_YET = ("docs/adr/",)
 # Phrases that read as translated, and what to write instead.
 PLAIN_ENGLISH = {
