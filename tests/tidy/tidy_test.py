@@ -95,6 +95,22 @@ LAYERS = {
     "cli": ("common/", "worker/", "coordinator/"),
 }
 FOLDER_SOURCES_MAX = 45
+# A class is defined in its header and at most this many sources, all in the header's folder.
+CLASS_SOURCES_MAX = 3
+# Headers may be longer for a reason.
+HEADER_LINES_MAX = 300
+LONG_HEADERS = {
+    "common/scene/scene_description.h": "the description of a scene, a list of plain structs",
+    "coordinator/service/farm/farm.h": "the calls of the farm, with their contracts",
+    "coordinator/service/view/job_view.h": "each field of a view, twice: the member and its names",
+    "coordinator/store/stored_rows.h": "each column of each table",
+    "worker/render/bsdf/principled_at.h": "the lobes of one material, inlined into the integrator",
+    "worker/render/geometry/surface_point.h": "a template over traits, inlined into the integrator",
+    "worker/render/integrator/surface_vertex.h": "a template over the configuration",
+    "worker/render/integrator/two_ends.h": "a template over the configuration",
+    "worker/render/light/light_table.h": "templates over color and time, inlined",
+    "worker/render/medium/medium.h": "templates over color, inlined",
+}
 
 # Third-party headers and the files that may include them.
 DOORS = {
@@ -333,6 +349,26 @@ class TidyTest(unittest.TestCase):
         problems = [f"{p}: {read(p).count(chr(10))} lines" for p in cpp_files() + page_files()
                     if read(p).count("\n") > FILE_LINES_MAX and not p.endswith("_data.cc")]
         self.expect_none(problems, f"longer than {FILE_LINES_MAX} lines")
+
+    def test_headers_are_short_or_say_why_not(self):
+        long = {p for p in product_files() if p.endswith(".h")
+                and read(p).count("\n") > HEADER_LINES_MAX}
+        self.expect_none(sorted(long - set(LONG_HEADERS)),
+                         f"headers of more than {HEADER_LINES_MAX} lines; does one hold two ideas?")
+        self.expect_none(sorted(set(LONG_HEADERS) - long), "headers that need no reason any longer")
+
+    def test_classes_stand_in_few_sources_of_one_folder(self):
+        sources = {}
+        for path in (p for p in product_files() if p.endswith(".cc")):
+            space = re.search(r"^namespace (sheaf[\w:]*) ", read(path), re.M)
+            for name in re.findall(r"^(?![\s/#}])(?:[^\n;={()]*[ *&])?([A-Z]\w+)::~?\w+\(",
+                                   read(path), re.M):
+                sources.setdefault((space and space[1], name), set()).add(path)
+        problems = [f"{name}: {', '.join(sorted(paths))}" for (_, name), paths in sources.items()
+                    if len(paths) > CLASS_SOURCES_MAX
+                    or len({os.path.dirname(path) for path in paths}) > 1]
+        self.expect_none(problems, f"classes over more than {CLASS_SOURCES_MAX} sources, or over "
+                                   "several folders; which functions need no member?")
 
     def test_functions_fit_a_screen(self):
         problems = [f"{p}:{at}: {n} lines" for p in product_files() + page_files()
