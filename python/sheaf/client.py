@@ -284,6 +284,11 @@ class Client:
         response = self._unary("ListWorkers", job_pb2.ListWorkersRequest())
         return list(map(worker_from, response.workers))
 
+    def share_weights(self) -> dict[str, float]:
+        """The weights that operators have set, by "user:NAME" or "show:NAME"; others are 1."""
+        response = self._unary("ListShares", job_pb2.ListSharesRequest())
+        return {share.subject: share.weight for share in response.shares if share.is_set}
+
     def drain(self, workers: Sequence[str], *, then_exit: bool = False) -> list[Worker]:
         """The workers finish their leases and get no new ones until undrain(). then_exit: they
         end after that. workers: names as in Worker.name.

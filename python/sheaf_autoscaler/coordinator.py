@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Callable, Sequence
+from typing import Callable, Mapping, Sequence
 
 import sheaf
 
@@ -52,10 +52,11 @@ class CoordinatorReader:
         try:
             jobs = self._jobs()
             workers = self._client.list_workers()
+            weights = self._client.share_weights()
         except sheaf.SheafError as error:
             raise FarmError(str(error)) from error
         return Look(time.time(), time.monotonic(),
-                    tuple(works_of([j for j in jobs if self._is_for_pool(j)])),
+                    tuple(works_of([j for j in jobs if self._is_for_pool(j)], weights)),
                     tuple(_state_of(w) for w in workers
                           if w.message.pool == self._pool and w.state in _WORKING),
                     self._cpu_seconds_done)
@@ -98,11 +99,11 @@ class CoordinatorReader:
                 and (needs.pool or "default") == self._pool and self._tags.issuperset(needs.tags))
 
 
-def works_of(jobs: Sequence[sheaf.Job]) -> list[JobWork]:
-    """The work of jobs of which something may be leased."""
+def works_of(jobs: Sequence[sheaf.Job], weights: Mapping[str, float]) -> list[JobWork]:
+    """The work of jobs of which something may be leased. weights: sheaf.Client.share_weights()."""
     known = [cost for cost in map(_sample_seconds, jobs) if cost is not None]
     usual = sum(known) / len(known) if known else UNKNOWN_SAMPLE_SECONDS
-    return [work for job in jobs if (work := _work_of(job, usual)).cpu_seconds > 0]
+    return [work for job in jobs if (work := _work_of(job, usual, weights)).cpu_seconds > 0]
 
 
 def _sample_seconds(job: sheaf.Job) -> float | None:
@@ -114,7 +115,7 @@ def _sample_seconds(job: sheaf.Job) -> float | None:
     return quoted / progress.sample_count_total if quoted > 0 else None
 
 
-def _work_of(job: sheaf.Job, usual_sample_seconds: float) -> JobWork:
+def _work_of(job: sheaf.Job, usual_sample_seconds: float, weights: Mapping[str, float]) -> JobWork:
     progress, message = job.progress, job.message
     left = max(0, progress.sample_count_total - progress.sample_count_done)
     cost = _sample_seconds(job)
@@ -131,7 +132,8 @@ def _work_of(job: sheaf.Job, usual_sample_seconds: float) -> JobWork:
     deadline = message.deadline.time
     return JobWork(
         job.name, left * (usual_sample_seconds if cost is None else cost), deviation, job.priority,
-        message.show, job.owner,
+        message.show, job.owner, weights.get(f"show:{message.show}", 1.0),
+        weights.get(f"user:{job.owner}", 1.0),
         deadline.seconds + deadline.nanos * 1e-9 if message.HasField("deadline") else None,
         max(1.0, math.ceil(left / samples_of_task)))
 

@@ -3,8 +3,9 @@
 """How many threads the queue and its deadlines need: pure functions of what was seen.
 
 Jobs are played forward as a fluid under the coordinator's policy of sharing, as its forecasts do
-(docs/scheduling.md): jobs of the highest priority share all threads, first between shows, then
-between users, then between jobs. Weights count as 1.
+(ShareByTime, coordinator/forecast/shared_farm.h): jobs of the highest priority share all threads,
+first between shows, then between the users of a show, in proportion to their weights, then between
+the jobs of a user.
 """
 from __future__ import annotations
 
@@ -122,5 +123,16 @@ def _shares(jobs: dict[JobWork, float]) -> dict[JobWork, float]:
     shows: dict[str, dict[str, list[JobWork]]] = {}
     for job in jobs:
         shows.setdefault(job.show, {}).setdefault(job.user, []).append(job)
-    return {job: 1 / (len(shows) * len(users) * len(of_user))
-            for users in shows.values() for of_user in users.values() for job in of_user}
+    shares = {}
+    all_shows = sum(_first(users).show_weight for users in shows.values())
+    for users in shows.values():
+        of_show = _first(users).show_weight / all_shows
+        all_users = sum(of_user[0].user_weight for of_user in users.values())
+        for of_user in users.values():
+            share = of_show * of_user[0].user_weight / all_users / len(of_user)
+            shares.update((job, share) for job in of_user)
+    return shares
+
+
+def _first(users: dict[str, list[JobWork]]) -> JobWork:
+    return next(iter(users.values()))[0]

@@ -114,6 +114,18 @@ class DeadlineTest(unittest.TestCase):
         self.assertAlmostEqual(ends["c"], 300)  # v has half of the time, u the other half.
         self.assertAlmostEqual(ends["a"], 400)
 
+    def test_weights_count(self):
+        # As SharedFarmTest has it: shows 3 : 1, and within the first users 1 : 4.
+        jobs = [JobWork("a", 100, 0, show="s", user="u", show_weight=3),
+                JobWork("b", 100, 0, show="s", user="v", show_weight=3, user_weight=4),
+                JobWork("c", 100, 0, show="t", user="u")]
+        ends = demand.ends_of(jobs, 1)
+        self.assertAlmostEqual(ends["b"], 100 / (3 / 4 * 4 / 5))
+        self.assertAlmostEqual(ends["a"], ends["b"] + (100 - ends["b"] * 3 / 20) / (3 / 4))
+        self.assertAlmostEqual(ends["c"], 300)
+        even = [dataclasses.replace(job, show_weight=1, user_weight=1) for job in jobs]
+        self.assertAlmostEqual(demand.ends_of(even, 1)["c"], 200)
+
     def test_many_jobs_are_played_as_one(self):
         jobs = [JobWork(f"jobs/{n}", 10, 0.1, user=f"u{n % 7}", deadline=None if n else 500.0,
                         task_count=9) for n in range(3000)]
