@@ -3,8 +3,8 @@
 //
 // ReadPlainImage: images of the usual formats, in their usual forms, without OpenImageIO, which
 // takes half a second and 100 MB to load (image_library.h). Their values have the same bits by
-// either way. What these readers do not take (another format, a rare form of one, a damaged file)
-// is not an error: OpenImageIO reads it, or says what is wrong with it.
+// either way. A file that these readers do not take (another format, a rare form of one, damage) is
+// not an error: OpenImageIO reads it, or says why it cannot.
 #pragma once
 
 #include <array>
@@ -39,7 +39,7 @@ float NumberAt(const PlainImage& image, size_t at);
 float FloatOfHalf(uint16_t bits);
 
 struct PlainRequest {
-  uint64_t bytes_max = uint64_t{1} << 40;  // Of the numbers.
+  uint64_t bytes_max = uint64_t{1} << 40;  // The numbers take at most this.
   bool is_header_enough = false;           // Then `numbers` stays empty.
 };
 

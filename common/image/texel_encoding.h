@@ -22,7 +22,7 @@ struct TexelEncoding {
 
 // The linear value of an integer that was divided by its largest value.
 float DecodeTexel(float encoded, TexelEncoding encoding);
-// That of each integer from 0 to count - 1.
+// The linear values of the integers from 0 to count - 1.
 std::vector<float> TexelDecodeTable(TexelEncoding encoding, size_t count);
 
 }  // namespace sheaf

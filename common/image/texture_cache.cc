@@ -14,7 +14,7 @@
 namespace sheaf {
 namespace {
 
-// Of the memory, what images that stay in it may take.
+// Images that stay in memory may take 1 / kResidentFraction of it.
 constexpr uint64_t kResidentFraction = 4;
 
 }  // namespace

@@ -230,12 +230,6 @@ class Builder {
     return static_cast<int32_t>(scene_->meshes.size() - 1);
   }
 
-  static uint64_t BytesOf(const TriangleMesh& mesh) {
-    return (mesh.positions.size() + mesh.normals.size()) * sizeof(Vec3f) +
-           mesh.uvs.size() * sizeof(Vec2f) + mesh.colors.size() * sizeof(VertexColor) +
-           mesh.indices.size() * sizeof(uint32_t);
-  }
-
   // False, with a note, where a node is scaled to nothing, as exporters hide things.
   bool IsVisible(const TransformOverTime& at, const std::string& what) {
     Matrix4 inverse;

@@ -11,82 +11,25 @@
 #include <variant>
 #include <vector>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "common/base/file.h"
 #include "common/scene/derived_files.h"
 #include "common/scene/file_source.h"
 #include "common/scene/gltf/surrounding/surrounding.h"
+#include "tests/support/gltf_text.h"
 
 namespace sheaf {
 namespace {
 
 using ::testing::HasSubstr;
-using ::testing::Not;
 
-// One triangle: 3 positions (36 bytes), 3 uvs (24), 3 indices (6), then animation times 0 1 (8),
-// translations (24), four numbers of a rotation by 90 degrees about z after the identity (32).
-std::string Buffer() {
-  std::string bytes;
-  const auto put = [&](const auto& values) {
-    bytes.append(reinterpret_cast<const char*>(values), sizeof values);
-  };
-  const float positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0}, uvs[] = {0, 0, 1, 0, 0, 1};
-  const uint16_t indices[] = {0, 1, 2, 0};  // One more for the alignment.
-  const float times[] = {0, 1}, moves[] = {0, 0, 0, 2, 0, 0};
-  const float turns[] = {0, 0, 0, 1, 0, 0, 0.70710678f, 0.70710678f};
-  put(positions);
-  put(uvs);
-  put(indices);
-  put(times);
-  put(moves);
-  put(turns);
-  return bytes;
-}
-
-constexpr char kAccessors[] = R"("accessors": [
-  {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
-  {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"},
-  {"bufferView": 2, "componentType": 5123, "count": 3, "type": "SCALAR"},
-  {"bufferView": 3, "componentType": 5126, "count": 2, "type": "SCALAR"},
-  {"bufferView": 4, "componentType": 5126, "count": 2, "type": "VEC3"},
-  {"bufferView": 5, "componentType": 5126, "count": 2, "type": "VEC4"}],
-"bufferViews": [
-  {"buffer": 0, "byteOffset": 0, "byteLength": 36},
-  {"buffer": 0, "byteOffset": 36, "byteLength": 24},
-  {"buffer": 0, "byteOffset": 60, "byteLength": 6},
-  {"buffer": 0, "byteOffset": 68, "byteLength": 8},
-  {"buffer": 0, "byteOffset": 76, "byteLength": 24},
-  {"buffer": 0, "byteOffset": 100, "byteLength": 32}],)";
-constexpr char kMesh[] = R"("meshes": [{"name": "leaf", "primitives": [
-  {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],)";
-
-std::string File(const std::string& rest, const std::string& mesh = kMesh,
-                 const std::string& accessors = kAccessors) {
-  const std::string buffer = Buffer();
-  return absl::StrCat(R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": )", buffer.size(),
-                      R"(, "uri": "data:application/octet-stream;base64,)",
-                      absl::Base64Escape(buffer), "\"}],", accessors, mesh, rest, "}");
-}
-
-absl::StatusOr<ReadSceneResult> Read(const std::string& text, const GltfView& view = {},
-                                     const SceneReaderLimits& limits = {}) {
-  const std::string path = ::testing::TempDir() + "/a.gltf";
-  EXPECT_TRUE(WriteFileOnce(path, text).ok());
-  TableFileSource files({{"a.gltf", path}, {"wood.png", "/nowhere/wood.png"}});
-  return ReadGltf("a.gltf", files, view, limits);
-}
-
-const std::string kOneNode = R"("materials": [{"name": "green", "pbrMetallicRoughness": {
-  "baseColorFactor": [0, 1, 0, 1], "metallicFactor": 0.25}}],
-  "nodes": [{"mesh": 0, "translation": [1, 2, 3]}], "scenes": [{"nodes": [0]}])";
-
-std::string Notes(const ReadSceneResult& read) {
-  std::string notes;
-  for (const SceneDiagnostic& d : read.diagnostics) absl::StrAppend(&notes, d.text, "\n");
-  return notes;
-}
+using testing::File;
+using testing::kAccessors;
+using testing::kMesh;
+using testing::kOneNode;
+using testing::Notes;
+using testing::Read;
 
 TEST(GltfReaderTest, ReadsATriangle) {
   const auto read = Read(File(kOneNode));
@@ -283,41 +226,6 @@ TEST(GltfReaderTest, WhatIsLeftOutIsNotedOnceWithItsCount) {
   EXPECT_THAT(notes, HasSubstr("primitive 5: morph targets of uv and colors have no effect"));
   EXPECT_THAT(notes, HasSubstr("node 1 \"other\", and 1 other: it is not of the scene that the "
                                "file shows, and is left out"));
-}
-
-// The corners have the colors (0, 0, 0), (1, 0, 0) and so on: their positions.
-TEST(GltfReaderTest, ColorsOfVerticesMultiplyTheBaseColor) {
-  const auto read = Read(File(R"("materials": [
-    {"alphaMode": "BLEND", "normalTexture": {"index": 0, "scale": 0.5},
-     "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 0.5]}}],
-    "textures": [{"source": 0}], "images": [{"uri": "wood.png"}],
-    "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}])",
-                              R"("meshes": [{"primitives": [
-    {"attributes": {"POSITION": 0, "COLOR_0": 0}, "indices": 2, "material": 0},
-    {"attributes": {"POSITION": 0}, "indices": 2, "material": 0}]}],)"));
-  ASSERT_TRUE(read.ok()) << read.status();
-  const SceneDescription& scene = read->scene;
-  ASSERT_EQ(scene.meshes.size(), 2u);
-  ASSERT_EQ(scene.meshes[0].colors.size(), scene.meshes[0].positions.size());
-  for (size_t i = 0; i < scene.meshes[0].positions.size(); ++i) {
-    const Vec3f p = scene.meshes[0].positions[i];
-    EXPECT_EQ(scene.meshes[0].colors[i], (VertexColor{p.x, p.y, p.z, 1}));
-  }
-  EXPECT_TRUE(scene.meshes[1].colors.empty());
-  ASSERT_EQ(scene.materials.size(), 2u);
-  const auto& colored = std::get<PrincipledMaterial>(scene.materials[0].material);
-  ASSERT_NE(colored.base_color.texture, kNone);
-  const auto& times =
-      std::get<VertexColorTexture>(scene.textures[colored.base_color.texture].texture);
-  EXPECT_EQ(times.color.value.rgb, (Rgb{0.5f, 0.25f, 1}));
-  ASSERT_NE(scene.shapes[0].alpha.texture, kNone);
-  EXPECT_EQ(std::get<VertexColorTexture>(scene.textures[scene.shapes[0].alpha.texture].texture)
-                .value.value,
-            0.5f);
-  EXPECT_EQ(std::get<PrincipledMaterial>(scene.materials[1].material).base_color.texture, kNone);
-  EXPECT_EQ(scene.shapes[1].alpha.texture, kNone);
-  EXPECT_EQ(scene.materials[0].normal_scale, 0.5f);
-  EXPECT_THAT(Notes(*read), Not(HasSubstr("scale of its normal map")));
 }
 
 TEST(GltfReaderTest, CamerasAndLights) {

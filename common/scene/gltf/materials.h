@@ -78,8 +78,9 @@ class Materials {
   Diagnostics* diagnostics_;
   SceneDescription* scene_;
   std::map<std::pair<int, bool>, Surface> known_;
-  bool has_colors_ = false;  // Of the material that is being made.
-  int uv_set_ = -1;          // The set of the material that is being made; -1 until a texture is used.
+  // Whether the vertices of the material that is being made have colors.
+  bool has_colors_ = false;
+  int uv_set_ = -1;  // The set of the material that is being made; -1 until a texture is used.
 };
 
 }  // namespace sheaf::gltf

@@ -37,6 +37,12 @@ struct Primitive {
   std::vector<float> weights;
 };
 
+inline uint64_t BytesOf(const TriangleMesh& mesh) {
+  return (mesh.positions.size() + mesh.normals.size()) * sizeof(Vec3f) +
+         mesh.uvs.size() * sizeof(Vec2f) + mesh.colors.size() * sizeof(VertexColor) +
+         mesh.indices.size() * sizeof(uint32_t);
+}
+
 class Meshes {
  public:
   // All arguments must outlive this.

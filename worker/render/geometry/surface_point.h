@@ -32,7 +32,7 @@ struct SurfacePoint {
   uint32_t emitter = kNoEmitter;
   PrimitiveId id;
   float contact = 0;  // As RawHit::contact.
-  float reach = 0;    // Of a curve: the length of Ray::own_offset.
+  float reach = 0;    // On curves: the length of Ray::own_offset.
   VertexColor color;  // Set under Trait::kTextures.
 
   // The emitter's normal in the light table's convention: outward for spheres, whichever side is

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Emitters that a scene gives twice. Of two equal emitters at one place the one behind is hidden
-// (contact.h), unless both let light through: then it shines through the one in front, and the pair
-// is nearly twice as bright as one.
+// Emitters that a scene gives twice. The front one of two equal emitters at one place hides the
+// other (contact.h), unless both let light through: then both are seen, and the pair is nearly
+// twice as bright as one.
 #pragma once
 
 #include "common/scene/scene_description.h"
