@@ -5,6 +5,7 @@ import os
 import shutil
 import tempfile
 import time
+import types
 
 import bpy
 import numpy
@@ -13,6 +14,8 @@ from . import jobs, passes
 from .export.scene_export import Settings, export_scene
 from .farm import images, program
 from .farm.program import SheafError
+from .scene import frame_size
+from .scene.report import Report, cause
 
 # Reports of each scene's last export, by the scene's name; the panel shows them.
 LAST_REPORTS = {}
@@ -25,9 +28,17 @@ class ExportOnly:
 
     def __init__(self, pattern):
         self.pattern, self.exported = pattern, []
+        self._taken = set()
 
     def path(self, frame):
         return self.pattern.replace("####", f"{frame:04d}")
+
+    def takes(self, frame):
+        """Whether this is the first layer and view of the frame: a frame is one file."""
+        if frame in self._taken:
+            return False
+        self._taken.add(frame)
+        return True
 
 
 class SheafRenderEngine(bpy.types.RenderEngine):
@@ -44,31 +55,58 @@ class SheafRenderEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, name, channels, ids, kind)
 
     def render(self, depsgraph):
-        scene = depsgraph.scene
+        try:
+            for view in self._views(depsgraph.view_layer_eval):
+                self._render_view(depsgraph, view)
+                if self.test_break():
+                    return
+        except (SheafError, images.ImageError, ValueError, OSError) as error:
+            self._fail(f"Sheaf: {error}")
+        except Exception as error:  # Blender 3.4 crashes later if one leaves this function.
+            self._fail(f"Sheaf: the frame cannot be rendered: {cause(error)}")
+
+    def _fail(self, text):
+        self.report({"ERROR"}, text)
+        self.error_set(text)
+
+    def _views(self, view_layer):
+        """The names of the views of the scene, as "left" and "right"; [""] if there is one."""
+        if not self.render.use_multiview:
+            return [""]
+        result = self.begin_result(0, 0, 1, 1, layer=view_layer.name)
+        names = [view.name for view in result.views]
+        self.end_result(result, cancel=True, highlight=False, do_merge_results=False)
+        return names if len(names) > 1 else [""]
+
+    def _render_view(self, depsgraph, view):
+        if view:
+            self.active_view_set(view)
         folder = tempfile.mkdtemp(prefix="sheaf-blender-")
         try:
-            exported = self._export(depsgraph, folder)
-            if ExportOnly.present is not None:
-                ExportOnly.present.exported.append(exported)
+            only = ExportOnly.present
+            if only is not None and not only.takes(depsgraph.scene.frame_current):
                 return
-            if self.test_break():
-                return
-            self._render(depsgraph, scene, exported, folder)
-        except (SheafError, images.ImageError, ValueError, OSError) as error:
-            self.report({"ERROR"}, f"Sheaf: {error}")
-            self.error_set(f"Sheaf: {error}")
+            exported = self._export(depsgraph, folder, view)
+            if only is not None:
+                only.exported.append(exported)
+            elif not self.test_break():
+                self._render(depsgraph, exported, folder, view)
         finally:
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _export(self, depsgraph, folder):
-        scene = depsgraph.scene
+    def _export(self, depsgraph, folder, view):
+        scene = depsgraph.scene_eval
         self.update_stats("", "Sheaf: exporting")
-        path = (ExportOnly.present.path(scene.frame_current) if ExportOnly.present
+        path = (ExportOnly.present.path(depsgraph.scene.frame_current) if ExportOnly.present
                 else os.path.join(folder, "main.pbrt"))
         exported = export_scene(depsgraph, path, content_folder(), self._settings(scene),
-                                lambda frame, subframe: self.frame_set(frame, subframe))
+                                lambda frame, subframe: self.frame_set(frame, subframe),
+                                ViewCamera(self, scene, view))
         passes.left_out(scene, depsgraph.view_layer_eval, exported.report)
-        LAST_REPORTS[scene.name] = exported.report
+        if ExportOnly.present is not None:
+            _note_one_image(depsgraph.scene, depsgraph.view_layer_eval, view,
+                            exported.report)
+        self._remember(scene, exported.report)
         for line in exported.report.lines():
             print("Sheaf:", line)
         print(f"Sheaf: exported in {exported.seconds:.2f} s ({exported.cpu_seconds:.2f} s of CPU "
@@ -76,31 +114,35 @@ class SheafRenderEngine(bpy.types.RenderEngine):
               flush=True)
         return exported
 
+    def _remember(self, scene, report):
+        """For the panel: what all layers and views of this frame lack."""
+        self._reports = getattr(self, "_reports", Report())
+        self._reports.include(report)
+        LAST_REPORTS[scene.name] = self._reports
+
     def _settings(self, scene):
         own, render = scene.sheaf, scene.render
-        scale = render.resolution_percentage / 100
-        width = max(1, int(render.resolution_x * scale))
-        height = max(1, int(render.resolution_y * scale))
+        size = frame_size.size_of(render.resolution_x, render.resolution_y,
+                                  render.resolution_percentage)
         window = ()
         if render.use_border:
-            left, right = (int(x * width) for x in (render.border_min_x, render.border_max_x))
-            bottom, top = (int(y * height) for y in (render.border_min_y, render.border_max_y))
-            window = (left, max(right, left + 1), height - max(top, bottom + 1), height - bottom)
-        return Settings(width, height, own.samples, own.max_depth, own.seed, own.filter_type,
+            window = frame_size.window_of((render.border_min_x, render.border_max_x,
+                                           render.border_min_y, render.border_max_y), *size)
+        return Settings(*size, own.samples, own.max_depth, own.seed, own.filter_type,
                         own.filter_width, window)
 
-    def _render(self, depsgraph, scene, exported, folder):
-        view_layer = depsgraph.view_layer_eval
+    def _render(self, depsgraph, exported, folder, view):
+        scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         job = start_job(scene, exported.path, os.path.join(folder, "image.exr"),
                         passes.options(scene, view_layer))
         settings = self._settings(scene)
         window = settings.window
         size = ((window[1] - window[0], window[3] - window[2]) if window
                 else (settings.width, settings.height))
-        for name, channels, ids, _ in passes.chosen_passes(scene, view_layer):
-            self.add_pass(name, channels, ids, layer=view_layer.name)
+        self._add_passes(scene, view_layer)
+        place = {"layer": view_layer.name, "view": view}
         try:
-            finished = self._follow(job, size)
+            finished = self._follow(job, size, place)
         except BaseException:
             job.cancel()
             raise
@@ -116,11 +158,24 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         cosines = (passes.depth_cosines(exported.view_window, (settings.width, settings.height),
                                         window) if exported.view_window else None)
         layers = images.read_layers(job.output)
-        self._show(passes.arrays(layers, scene, view_layer, cosines), size, view_layer)
+        self._show(passes.arrays(layers, scene, view_layer, cosines), size, place)
         for field, value in passes.matte_metadata(layers.metadata, view_layer.name):
             self.get_result().stamp_data_add_field(field, value)
 
-    def _follow(self, job, size):
+    def _add_passes(self, scene, view_layer):
+        """Once for a layer: passes are added for all views."""
+        if view_layer.name in self._layers_with_passes():
+            return
+        for name, channels, ids, _ in passes.chosen_passes(scene, view_layer):
+            self.add_pass(name, channels, ids, layer=view_layer.name)
+        self._layers_with_passes().add(view_layer.name)
+
+    def _layers_with_passes(self):
+        if not hasattr(self, "_passes_added"):
+            self._passes_added = set()
+        return self._passes_added
+
+    def _follow(self, job, size, place):
         """Whether the image is complete; False after Esc."""
         while not job.update():
             if self.test_break():
@@ -131,26 +186,59 @@ class SheafRenderEngine(bpy.types.RenderEngine):
                 self.update_stats("", f"Sheaf: {text}")
                 pixels = job.preview()
                 if pixels is not None:
-                    self._show_light(pixels, size)
+                    self._show_light(pixels, size, place)
             time.sleep(jobs.POLL_SECONDS)
         return not self.test_break()
 
-    def _show_light(self, pixels, size):
+    def _show_light(self, pixels, size, place):
         pixels = images.enlarged(pixels, *size)
         alpha = numpy.ones((*pixels.shape[:2], 1), numpy.float32)
-        self._show({"Combined": numpy.concatenate([pixels, alpha], axis=-1)}, size, None)
+        self._show({"Combined": numpy.concatenate([pixels, alpha], axis=-1)}, size, place)
 
-    def _show(self, arrays, size, view_layer):
-        layer_name = {"layer": view_layer.name} if view_layer else {}
-        result = self.begin_result(0, 0, size[0], size[1], **layer_name)
+    def _show(self, arrays, size, place):
+        """place: the layer and the view of the result; without them the first layer is replaced."""
+        result = self.begin_result(0, 0, size[0], size[1], **place)
         try:
             passes.set_passes(result.layers[0].passes, arrays, *size)
         finally:
             self.end_result(result)
 
 
+def _note_one_image(scene, view_layer, view, report):
+    """Reports what a file of one layer and one view lacks."""
+    others = [f'"{layer.name}"' for layer in scene.view_layers
+              if layer.use and layer.name != view_layer.name]
+    if others and not scene.render.use_single_layer:
+        report.left_out("view layers", f"{', '.join(others)}: a scene that is submitted or "
+                                       f'exported has the layer "{view_layer.name}" alone')
+    if view:
+        report.left_out("stereoscopy", f'the views besides "{view}": a scene that is submitted or '
+                                       "exported has one view")
+
+
+class ViewCamera:
+    """The camera of the view that is rendered: Blender moves and shifts it for each eye."""
+
+    def __init__(self, engine, scene, view):
+        self._engine, self._view = engine, view
+        self.object = engine.camera_override or scene.camera
+
+    def matrix(self, camera_object):
+        if not self._view:
+            return camera_object.matrix_world.copy()
+        return self._engine.camera_model_matrix(camera_object, use_spherical_stereo=False)
+
+    def shift_x(self, camera_object):
+        return self._engine.camera_shift_x(camera_object, use_spherical_stereo=False)
+
+
 def preferences():
-    return bpy.context.preferences.addons[__package__].preferences
+    """The preferences of the add-on, or their defaults: `blender --addons` enables it without."""
+    addon = bpy.context.preferences.addons.get(__package__)
+    if addon is not None and addon.preferences is not None:
+        return addon.preferences
+    return types.SimpleNamespace(program_folder=program.default_program_folder(), address="",
+                                 http_port=0, insecure=False, content_folder="")
 
 
 def content_folder():

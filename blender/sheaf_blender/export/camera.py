@@ -1,6 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """The camera: projection, shift, depth of field and the shutter."""
+import dataclasses
 import math
 
 import mathutils
@@ -8,63 +9,138 @@ import mathutils
 # Blender's camera looks along -z, that of the format along z.
 _TURN = mathutils.Matrix.Diagonal((1, 1, -1, 1))
 LENS_RADIUS_MIN = 1e-6
+SHEAR_MIN = 1e-4  # Of the cosines between the axes of a camera below sheared parents.
 
 
-def camera_from_world(camera_object):
-    """The transform of the camera, without the scale of its object, as in Cycles."""
-    location, rotation, _ = camera_object.matrix_world.decompose()
-    return _TURN @ mathutils.Matrix.LocRotScale(location, rotation, None).inverted()
+def camera_from_world(matrix):
+    """The transform of the camera, without the scale of its object, as in Cycles: each axis has
+    length 1, and a mirrored parent mirrors the image.
+    """
+    axes = matrix.normalized()
+    is_turn = axes.determinant() > 0 and all(
+        abs(axes.col[i].xyz.dot(axes.col[j].xyz)) < SHEAR_MIN for i, j in ((0, 1), (0, 2), (1, 2)))
+    if is_turn:
+        location, rotation, _ = matrix.decompose()
+        axes = mathutils.Matrix.LocRotScale(location, rotation, None)
+    return _TURN @ axes.inverted(axes.inverted_safe())
 
 
-def parameters(camera_object, scene, shutter, report):
-    """(kind, parameters) of the directive Camera. shutter: (open, close) or None."""
+@dataclasses.dataclass(frozen=True)
+class State:
+    """matrix: world from the camera; window: see _window; focus_m and f-number."""
+    matrix: mathutils.Matrix
+    window: tuple
+    lens: tuple
+
+
+def state(view, depsgraph, scene):
+    """The State of the camera at the time at which depsgraph stands. view: gives the camera's
+    object and, of each eye, its matrix and shift.
+    """
+    camera_object = view.object.evaluated_get(depsgraph)
+    return State(view.matrix(camera_object),
+                 _window(camera_object.data, scene, view.shift_x(camera_object)),
+                 _lens(camera_object, view.matrix(camera_object)))
+
+
+def views_of(states, kind):
+    """The transforms when the shutter opens and closes, of the States then and, first, that at the
+    frame. A lens that zooms or shifts scales and shears the space before the camera.
+    """
+    frame = states[0]
+    return [_zoomed(frame.window, one.window, kind) @ camera_from_world(one.matrix)
+            for one in states[1:] or states]
+
+
+def _zoomed(wanted, present, kind):
+    """Maps directions through the present window to those through the wanted one."""
+    matrix = mathutils.Matrix.Identity(4)
+    if wanted == present or not wanted:
+        return matrix
+    for axis in (0, 1):
+        low, high = wanted[2 * axis:2 * axis + 2]
+        now_low, now_high = present[2 * axis:2 * axis + 2]
+        scale = (high - low) / (now_high - now_low)
+        matrix[axis][axis] = scale
+        matrix[axis][3 if kind == "orthographic" else 2] = low - now_low * scale
+    return matrix
+
+
+def pixel_sizes(one, kind, size):
+    """A function that gives the size of a pixel at a point of the world."""
+    if not one.window:
+        return lambda point: 1e-3 * max((point - one.matrix.translation).length, 1e-3)
+    pixel = (one.window[1] - one.window[0]) / size[0]
+    if kind == "orthographic":
+        return lambda point: pixel
+    return lambda point: pixel * max((point - one.matrix.translation).length, 1e-3)
+
+
+def kind_of(camera):
+    return {"PANO": "spherical", "ORTHO": "orthographic"}.get(camera.type, "perspective")
+
+
+def parameters(camera_object, one, shutter, report):
+    """Parameters of the directive Camera. one: its State; shutter: (open, close) or None."""
     camera = camera_object.data
     item = f'camera "{camera_object.name}"'
     found = {}
     if camera.type == "PANO":
-        kind = "spherical"
         found["string mapping"] = "equirectangular"
-        report.approximated(item, "a panorama is a full equirectangular one")
     else:
-        kind = "orthographic" if camera.type == "ORTHO" else "perspective"
-        found.update(_window(camera, scene))
-        found.update(_lens(camera_object, camera, item, report))
-    if camera.clip_start > 0.11 and camera.type != "PANO":
-        report.left_out(item, "Clip Start: nearer objects are visible")
+        found["float screenwindow"] = one.window
+        if camera.type != "ORTHO":
+            found["float fov"] = 90.0
+        found.update(_lens_parameters(camera.dof, one, item, report))
     if shutter is not None:
         found["float shutteropen"], found["float shutterclose"] = shutter
-    return kind, found
+    return found
 
 
-def _window(camera, scene):
+def _window(camera, scene, shift_x):
     """The film's edges: at distance 1 for perspective cameras, whose field of view is set to 90
-    degrees, so that the window is in tangents.
+    degrees, so that the window is in tangents. shift_x: in place of the camera's own.
     """
+    if camera.type == "PANO":
+        return ()
     corners = camera.view_frame(scene=scene)
     depths = [1.0 if camera.type == "ORTHO" else -corner.z for corner in corners]
     xs = [corner.x / depth for corner, depth in zip(corners, depths)]
     ys = [corner.y / depth for corner, depth in zip(corners, depths)]
-    window = {"float screenwindow": (min(xs), max(xs), min(ys), max(ys))}
-    if camera.type != "ORTHO":
-        window["float fov"] = 90.0
-    return window
+    more = 0.0
+    if abs(shift_x - camera.shift_x) > 1e-7:
+        render = scene.render
+        is_wide = (render.resolution_x * render.pixel_aspect_x
+                   >= render.resolution_y * render.pixel_aspect_y)
+        fits_x = camera.sensor_fit == "HORIZONTAL" or (camera.sensor_fit == "AUTO" and is_wide)
+        fitted = max(xs) - min(xs) if fits_x else max(ys) - min(ys)
+        more = (shift_x - camera.shift_x) * fitted
+    return min(xs) + more, max(xs) + more, min(ys), max(ys)
 
 
-def _lens(camera_object, camera, item, report):
+def _lens(camera_object, camera_matrix):
+    """(radius, distance of focus); () without depth of field."""
+    camera = camera_object.data
     dof = camera.dof
-    if not dof.use_dof:
-        return {}
+    if not dof.use_dof or camera.type == "PANO":
+        return ()
     # Cycles: millimeters of focal length as meters; for orthographic cameras a length of 1.
     focal = 1.0 if camera.type == "ORTHO" else camera.lens / 1000
     radius = focal / (2 * max(dof.aperture_fstop, 1e-3))
     if radius < LENS_RADIUS_MIN:
-        return {}
+        return ()
     distance = dof.focus_distance
     if dof.focus_object is not None:
-        matrix = camera_object.matrix_world.normalized()
+        matrix = camera_matrix.normalized()
         offset = dof.focus_object.matrix_world.translation - matrix.translation
         distance = abs(offset.dot(matrix.col[2].to_3d()))
-    found = {"float lensradius": radius, "float focaldistance": max(distance, 1e-4)}
+    return radius, max(distance, 1e-4)
+
+
+def _lens_parameters(dof, one, item, report):
+    if not one.lens:
+        return {}
+    found = {"float lensradius": one.lens[0], "float focaldistance": one.lens[1]}
     if dof.aperture_blades >= 3:
         found["integer blades"] = dof.aperture_blades
         found["float bladerotation"] = math.degrees(dof.aperture_rotation)

@@ -4,8 +4,9 @@
 import dataclasses
 
 import bpy
+import numpy
 
-from ..scene import mesh_arrays, ply
+from ..scene import ply
 from . import curves, meshes, shaders
 
 MESH_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
@@ -17,10 +18,8 @@ class Part:
     """Triangles of one material."""
     shading: shaders.Shading
     file: str
-    triangle_area: float
-    arrays: object = None        # MeshArrays, if the mesh may deform.
-    has_normals: bool = False
-    later_file: str = ""         # The mesh when the shutter closes, if it deforms.
+    arrays: object = None        # MeshArrays, if the mesh may move or holds a medium.
+    later_files: list = dataclasses.field(default_factory=list)  # The mesh at later keys.
 
 
 @dataclasses.dataclass
@@ -34,6 +33,7 @@ class Geometry:
     object_names: list = dataclasses.field(default_factory=list)
     keys: list = dataclasses.field(default_factory=list)  # To find the instances again later.
     may_deform: bool = False
+    may_move: bool = True
 
 
 @dataclasses.dataclass
@@ -45,8 +45,21 @@ class VolumeObject:
     is_object_space: bool
 
 
+@dataclasses.dataclass
+class LightPlace:
+    """A light object, or one of its instances. light: the evaluated data."""
+    name: str
+    light: object
+    matrix: object
+    hidden_from: list
+    key: tuple
+    is_seen: bool = True  # Whether it lies where the camera looks, if its size is more than 0.
+
+
 class Collector:
-    """geometries: by key, in the order of their first instance; lights: [(object, matrix)]."""
+    """Reads the scene as it is at the frame. geometries: by key, in the order of their first
+    instance; lights: [LightPlace].
+    """
 
     def __init__(self, depsgraph, content, images, report, has_motion):
         self._depsgraph, self._content = depsgraph, content
@@ -60,16 +73,21 @@ class Collector:
 
     def collect(self):
         for instance in self._depsgraph.object_instances:
-            instance_object = instance.object
-            kind = instance_object.type
-            if kind == "LIGHT":
-                if instance.show_self:
-                    self.lights.append((instance_object.original, instance.matrix_world.copy()))
-                continue
-            if instance.show_self and kind not in UNRENDERED_TYPES:
-                self._add(instance, instance_object, kind)
-            if instance.show_particles and instance_object.particle_systems:
-                self._add_hair(instance, instance_object)
+            with self._report.guard(f'object "{instance.object.name}"'):
+                self._collect_one(instance, instance.object)
+
+    def _collect_one(self, instance, instance_object):
+        kind = instance_object.type
+        if kind == "LIGHT":
+            if instance.show_self:
+                self.lights.append(LightPlace(
+                    instance_object.name, instance_object.data, instance.matrix_world.copy(),
+                    hidden_rays(instance_object), motion_key(instance, instance_object)))
+            return
+        if instance.show_self and kind not in UNRENDERED_TYPES:
+            self._add(instance, instance_object, kind)
+        if instance.show_particles and instance_object.particle_systems:
+            self._add_hair(instance, instance_object)
 
     def _add(self, instance, instance_object, kind):
         # Objects of instances come and go at the same addresses, each with its data.
@@ -77,15 +95,15 @@ class Collector:
         seen = (instance_object.as_pointer(), data.as_pointer() if data else 0)
         geometry = self._seen.get(seen)
         if geometry is None:
-            key = _geometry_key(instance_object, kind, seen)
+            key = (_geometry_key(instance_object, kind, seen),
+                   self._motion_settings(instance_object, kind))
             geometry = self.geometries.get(key)
             if geometry is None:
                 geometry = self.geometries[key] = self._read(instance_object, kind)
             self._seen[seen] = geometry
         geometry.matrices.append(instance.matrix_world.copy())
         geometry.object_names.append(instance_object.name)
-        if self._has_motion:
-            geometry.keys.append(motion_key(instance, instance_object))
+        geometry.keys.append(motion_key(instance, instance_object) if self._has_motion else None)
 
     def _read(self, instance_object, kind):
         name = self._free_name(instance_object.name)
@@ -113,12 +131,11 @@ class Collector:
         return name
 
     def _note_visibility(self, instance_object):
-        hidden = [flag for flag in ("camera", "diffuse", "glossy", "transmission",
-                                    "volume_scatter", "shadow")
-                  if not getattr(instance_object, f"visible_{flag}", True)]
+        hidden = hidden_rays(instance_object)
         item = f'object "{instance_object.name}"'
         if hidden:
-            self._report.left_out(item, "Ray Visibility: it is visible to all rays")
+            self._report.left_out(item, f"Ray Visibility ({', '.join(hidden)}): it is visible to "
+                                        "all rays")
         for flag, text in (("is_holdout", "Holdout"), ("is_shadow_catcher", "Shadow Catcher")):
             if getattr(instance_object, flag, False):
                 self._report.left_out(item, text)
@@ -133,79 +150,39 @@ class Collector:
         try:
             slots = list(instance_object.material_slots)
             shadings = [self.shading_of(slot.material) for slot in slots] or [self.shading_of(None)]
-            original = instance_object.original
-            may_deform = self._has_motion and (
-                bool(original.modifiers) or kind != "MESH"
-                or getattr(original.data, "shape_keys", None) is not None)
+            may_move, may_deform = self._motion_settings(instance_object, kind)
             parts, radius = [], 0.0
             for slot, arrays in meshes.read_parts(mesh, len(shadings)):
                 if len(arrays.positions) == 0:
                     continue
                 radius = max(radius, float((arrays.positions.astype(float)**2).sum(axis=1).max()))
                 parts.append(self._part(shadings[slot], arrays, may_deform))
-            return Geometry(name, parts, radius**0.5, may_deform=may_deform)
+            return Geometry(name, parts, radius**0.5, may_deform=may_deform, may_move=may_move)
         finally:
             if is_copy:
                 instance_object.to_mesh_clear()
 
+    def _motion_settings(self, instance_object, kind):
+        """Whether the object moves, and whether its mesh may deform, while the shutter is open."""
+        settings = getattr(instance_object, "cycles", None)
+        if not self._has_motion or not getattr(settings, "use_motion_blur", True):
+            return False, False
+        original = instance_object.original
+        return True, getattr(settings, "use_deform_motion", True) and (
+            bool(original.modifiers) or kind != "MESH"
+            or getattr(original.data, "shape_keys", None) is not None)
+
     def _part(self, shading, arrays, may_deform):
-        # The closing shutter's mesh must have the vertices of this very file.
+        if arrays.uvs is None and shading.has_texture:  # Blender's uv is 0 without a layer.
+            arrays.uvs = numpy.zeros((len(arrays.positions), 2), numpy.float32)
+            if arrays.source is not None:
+                arrays.source = [*arrays.source, arrays.uvs]
+        # A later key's mesh must have the vertices of this very file.
         source = None if may_deform else arrays.source
         path = self._content.put(ply.ply_chunks(arrays.positions, arrays.triangles, arrays.normals,
                                                 arrays.uvs), ".ply", source)
-        area = (mesh_arrays.area(arrays.positions, arrays.triangles)
-                if max(self._constant_emission(shading)) > 0 else 0.0)
-        part = Part(shading, path, area)
-        if may_deform:
-            part.arrays, part.has_normals = arrays, arrays.normals is not None
-        return part
-
-    @staticmethod
-    def _constant_emission(shading):
-        emission = shading.closure.emission
-        return emission if isinstance(emission, tuple) else (1.0,)
-
-    def read_later(self):
-        """After the scene was set to the closing shutter: {motion key: matrix}, and the files of
-        meshes that have deformed.
-        """
-        later = {}
-        done = set()
-        by_name = {geometry.object_names[0]: geometry for geometry in self.geometries.values()
-                   if geometry.may_deform}
-        for instance in self._depsgraph.object_instances:
-            instance_object = instance.object
-            later[motion_key(instance, instance_object)] = instance.matrix_world.copy()
-            geometry = by_name.get(instance_object.name)
-            if geometry is not None and geometry.name not in done:
-                done.add(geometry.name)
-                self._read_deformed(geometry, instance_object)
-        for light, matrix in self.lights:
-            if later.get((light.name, (), ""), matrix) != matrix:
-                self._report.left_out(f'light "{light.name}"', "its motion while the shutter is "
-                                                               "open")
-        return later
-
-    def _read_deformed(self, geometry, instance_object):
-        is_copy = instance_object.type != "MESH"
-        mesh = instance_object.to_mesh() if is_copy else instance_object.data
-        try:
-            for part in geometry.parts:
-                arrays = part.arrays
-                found = meshes.read_at_corners(mesh, arrays.corners)
-                if found is None or (found[1] is None) != (not part.has_normals):
-                    self._report.left_out(f'object "{instance_object.name}"',
-                                          "its deformation: its mesh changes while the shutter is "
-                                          "open")
-                    return
-                positions, normals = found
-                if (positions == arrays.positions).all():
-                    continue
-                part.later_file = self._content.put(
-                    ply.ply_chunks(positions, arrays.triangles, normals, arrays.uvs), ".ply")
-        finally:
-            if is_copy:
-                instance_object.to_mesh_clear()
+        return Part(shading, path,
+                    arrays if self._has_motion or shading.medium is not None else None)
 
     def shading_of(self, material):
         key = material.name_full if material else None
@@ -279,6 +256,13 @@ def _geometry_key(instance_object, kind, seen):
         return instance_object.original.as_pointer(), seen[1]
     return seen[1], tuple(slot.material.name_full if slot.material else None
                           for slot in instance_object.material_slots)
+
+
+def hidden_rays(instance_object):
+    """The kinds of rays that do not see an object."""
+    return [flag.replace("_", " ") for flag in ("camera", "diffuse", "glossy", "transmission",
+                                                "volume_scatter", "shadow")
+            if not getattr(instance_object, f"visible_{flag}", True)]
 
 
 def motion_key(instance, instance_object):

@@ -40,24 +40,39 @@ def color_of(light, report, images):
     return tuple(c * f * strength for c, f in zip(color, values.color(found)))
 
 
-def write_light(text, instance_object, matrix, color, scene_sphere, content, report):
-    """Writes a light. matrix: world from the light's space. scene_sphere: (center, radius) of what
-    is not at infinity.
-    """
-    light = instance_object.data
-    item = f'light "{instance_object.name}"'
+def write_light(text, place, color, scene_sphere, content, report):
+    """Writes a collector.LightPlace. scene_sphere: (center, radius) of what is not at infinity."""
+    light, matrix = place.light, place.matrix
+    item = f'light "{place.name}"'
     report_common(light, item, report)
-    writer = {"POINT": _point, "SUN": _sun, "AREA": _area}.get(light.type)
+    hidden = [ray for ray in place.hidden_from if ray != "camera"]
+    if hidden:
+        report.left_out(item, f"Ray Visibility ({', '.join(hidden)}): it lights all rays")
+    if light.energy < 0 or min(color) < 0:
+        report.left_out(item, "its negative power; it gives no light in the channels below 0")
+    if light.type != "SUN" and matrix.to_3x3().determinant() == 0:
+        matrix = _unflattened(matrix)
+    writer = {"POINT": _point, "AREA": _area}.get(light.type)
     text.directive("AttributeBegin")
+    shape = None
     if light.type == "SUN":
-        writer(text, light, matrix, color, scene_sphere, item, report)
+        shape = _sun(text, light, matrix, color, scene_sphere)
     elif light.type == "SPOT":
         write_transform(text, matrix, None)
         _spot(text, light, color, content, item, report)
     else:
         write_transform(text, matrix, None)
-        writer(text, light, matrix, color, item, report)
+        shape = writer(text, light, matrix, color, item, report)
     text.directive("AttributeEnd")
+    if shape and place.is_seen and "camera" in place.hidden_from:
+        report.approximated(item, f"{shape} is seen by the camera, and other light does not pass "
+                                  "through it")
+
+
+def _unflattened(matrix):
+    """The matrix with length 1 for the axes that are scaled to 0, which a light ignores."""
+    location, rotation, scale = matrix.decompose()
+    return mathutils.Matrix.LocRotScale(location, rotation, [x or 1.0 for x in scale])
 
 
 def write_transform(text, matrix, motion):
@@ -88,9 +103,33 @@ def _scaled(color, factor):
     return tuple(max(0.0, c * factor) for c in color)
 
 
-def _visible_shape(instance_text, item, report):
-    report.approximated(item, f"{instance_text} is seen by the camera, and other light does "
-                        "not pass through it")
+def is_in_view(place, view, window, kind):
+    """Whether a light that is not a point may be seen. view: from the world to the camera, which
+    looks along z.
+    """
+    if kind == "spherical":
+        return True
+    is_sun = place.light.type == "SUN"
+    axis = place.matrix.to_3x3() @ mathutils.Vector((0, 0, 1))
+    center = view.to_3x3() @ axis.normalized() if is_sun else view @ place.matrix.translation
+    size = math.tan(min(place.light.angle / 2, 1.5)) if is_sun else _reach(place)
+    if kind == "orthographic":
+        distance = 1.0
+    else:
+        distance = center.z
+        if distance <= size:
+            return distance > -size
+    return all(window[2 * i] * distance - size <= center[i] <= window[2 * i + 1] * distance + size
+               for i in (0, 1))
+
+
+def _reach(place):
+    """The radius of a sphere around a light with a size."""
+    light = place.light
+    scale = max(abs(x) for x in place.matrix.to_scale())
+    if light.type == "AREA":
+        return scale * max(light.size, light.size_y)
+    return scale * light.shadow_soft_size
 
 
 def _point(text, light, matrix, color, item, report):
@@ -98,13 +137,13 @@ def _point(text, light, matrix, color, item, report):
     if radius * matrix.median_scale < SIZE_MIN_M:
         text.directive("LightSource", "point",
                        {"rgb I": _scaled(color, units.point_intensity(light.energy))})
-        return
+        return None
     # The radius does not grow with the object, as in Cycles.
     size = radius / (matrix.median_scale or 1.0)
     radiance = units.sphere_radiance(light.energy, radius)
     text.directive("AreaLightSource", "diffuse", {"rgb L": _scaled(color, radiance)})
     text.directive("Shape", "sphere", {"float radius": float(size)})
-    _visible_shape("its sphere", item, report)
+    return "its sphere"
 
 
 def _spot(text, light, color, content, item, report):
@@ -124,14 +163,15 @@ def _spot(text, light, color, content, item, report):
         "float coneangle": cone, "float conedeltaangle": max(delta, 0.0)})
 
 
-def _sun(text, light, matrix, color, scene_sphere, item, report):
+def _sun(text, light, matrix, color, scene_sphere):
+    """Returns what is seen of it, as _point and _area do; None for nothing."""
     direction = matrix.to_3x3() @ mathutils.Vector((0, 0, -1))
     direction.normalize()
     if light.angle < units.SUN_DISK_RADIANS_MIN:
         text.directive("LightSource", "distant", {
             "rgb L": _scaled(color, light.energy), "point3 from": tuple(map(float, -direction)),
             "point3 to": (0.0, 0.0, 0.0)})
-        return
+        return None
     center, radius = scene_sphere
     distance = SUN_DISTANCE_SCENES * max(radius, 1e-3)
     half = min(light.angle / 2, math.radians(89))
@@ -142,7 +182,7 @@ def _sun(text, light, matrix, color, scene_sphere, item, report):
     text.directive("AreaLightSource", "diffuse", {
         "rgb L": _scaled(color, units.sun_radiance(light.energy, 2 * half))})
     text.directive("Shape", "disk", {"float radius": float(distance * math.tan(half))})
-    _visible_shape("the disk of the sun", item, report)
+    return "the disk of the sun"
 
 
 def _area(text, light, matrix, color, item, report):
@@ -154,7 +194,7 @@ def _area(text, light, matrix, color, item, report):
     surface = abs(x * scale.x * y * scale.y) * (math.pi / 4 if is_round else 1)
     if surface <= 0:
         report.left_out(item, "an area light without area")
-        return
+        return None
     radiance = units.area_radiance(light.energy, surface, bpy.app.version >= (4, 0, 0))
     if abs(getattr(light, "spread", math.pi) - math.pi) > 1e-3:
         report.left_out(item, "Spread")
@@ -166,4 +206,4 @@ def _area(text, light, matrix, color, item, report):
     else:
         text.directive("Shape", "bilinearmesh", {
             "point3 P": (-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 1.0, 1.0, 0.0)})
-    _visible_shape("its surface", item, report)
+    return "its surface"

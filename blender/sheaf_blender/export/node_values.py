@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values of sockets: constants, images, and what nodes make of them."""
 from ..scene import pixel_ops, values
+from ..scene.closures import PINK
 from . import node_links
 
 RAMP_SAMPLES = 257
@@ -14,6 +15,7 @@ class NodeValues:
 
     def __init__(self, item, report, images):
         self.item, self._report, self._images = item, report, images
+        self.uses_uv = False
 
     def read(self, wanted, usual=0.0):
         """The value of a node_links.Input; usual if there is no such socket."""
@@ -50,24 +52,25 @@ class NodeValues:
     def image(self, place, output):
         node = place.node
         if node.image is None:
-            return (0.0, 0.0, 0.0)
+            self._report.left_out(self.item, f'"{node.name}", which has no image; it is pink')
+            return PINK if output.name == "Color" else 1.0
         if node.projection != "FLAT":
             return None
         if node.extension == "MIRROR":
             self._report.approximated(self.item, "an image that mirrors is repeated")
         mapping = self._mapping(node_links.input_of(place, "Vector"))
+        is_alpha_used = any(socket.name == "Alpha" and socket.is_linked for socket in node.outputs)
         value = self._images.value(node.image, node.image_user, _WRAPS[node.extension], mapping,
                                    "point" if node.interpolation == "Closest" else "bilinear",
-                                   wants_alpha=output.name == "Alpha")
+                                   output.name == "Alpha", is_alpha_used)
         if value is None:
-            self._report.left_out(self.item, f'image "{node.image.name}" ({node.image.source}), '
-                                             "which cannot be read")
-            return (0.5, 0.5, 0.5)
+            return PINK if output.name == "Color" else 1.0
         return value
 
     def _mapping(self, wanted):
         """Scale and offset of u and v."""
         unmapped = (1.0, 1.0, 0.0, 0.0)
+        self.uses_uv = True
         place, output, _ = node_links.source(wanted)
         if place is None:
             return unmapped

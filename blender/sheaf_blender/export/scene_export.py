@@ -2,18 +2,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exports one frame: the scene file, and the files it names in the content folder."""
 import dataclasses
+import io
 import os
+import shutil
 import time
 
 from ..scene import materials
 from ..scene.content import ContentFolder
 from ..scene.report import Report
 from ..scene.text import SceneText
-from . import camera, lights, world
+from . import camera, inside_of, lights, motion, world
 from .collector import Collector
 from .images import Images
 from .scene_writer import SceneWriter, sphere_of
 
+CAMERA_UNEVEN_MAX = 1e-3  # Of the elements of its matrix, from those of its even motion.
 
 
 @dataclasses.dataclass
@@ -39,56 +42,110 @@ class Settings:
     window: tuple = ()  # x0, x1, y0, y1 of the film to render, from the top; empty: all.
 
 
-def export_scene(depsgraph, path, content_root, settings, set_frame):
+def export_scene(depsgraph, path, content_root, settings, set_frame, view):
     """Writes the scene of depsgraph to path.
 
-    set_frame(frame, subframe) evaluates depsgraph at another time, for motion blur. Raises OSError,
-    and ValueError for scenes that cannot be written.
+    set_frame(frame, subframe) evaluates depsgraph at another time, for motion blur; view: the
+    camera, see camera.state. Raises OSError, and ValueError for scenes that cannot be written.
     """
     start, cpu_start = time.monotonic(), time.thread_time()
-    scene = depsgraph.scene
     report = Report()
     content = ContentFolder(content_root)
-    images = Images(content, report)
-    shutter = camera.shutter_of(scene)
-    frame = scene.frame_current + scene.frame_subframe
-    if shutter is not None:
-        _set_time(set_frame, frame + shutter[0])
-    collector = Collector(depsgraph, content, images, report, shutter is not None)
-    collector.collect()
-    camera_object = scene.camera
-    if camera_object is None:
-        raise ValueError("the scene has no camera; add one (Add > Camera)")
-    views = [camera.camera_from_world(camera_object.evaluated_get(depsgraph))]
-    kind, camera_parameters = camera.parameters(camera_object.evaluated_get(depsgraph), scene,
-                                                shutter, report)
-    later = {}
-    if shutter is not None:
-        _set_time(set_frame, frame + shutter[1])
-        later = collector.read_later()
-        views.append(camera.camera_from_world(camera_object.evaluated_get(depsgraph)))
-        _set_time(set_frame, frame)
+    header, body = io.StringIO(), io.StringIO()
+    view_window = _write_scene(depsgraph, header, body, content, report, settings, set_frame, view)
     temporary = f"{path}.{os.getpid()}.partial"
     with open(temporary, "w", encoding="utf-8") as file:
-        text = SceneText(file)
-        _write_options(text, settings, views, kind, camera_parameters, shutter)
-        text.raw("WorldBegin")
-        textures = materials.TextureTable(text, images.file_of)
-        world.write_world(text, scene.world, images, content, report)
-        geometries = list(collector.geometries.values())
-        sphere = sphere_of(geometries)
-        for light_object, matrix in collector.lights:
-            color = lights.color_of(light_object.data, report, images)
-            lights.write_light(text, light_object, matrix, color, sphere, content, report)
-        writer = SceneWriter(text, textures, images, report)
-        writer.write(geometries, later)
+        for part in (header, body):
+            part.seek(0)
+            shutil.copyfileobj(part, file)
     os.replace(temporary, path)
     if content.written:
         content.prune()
-    return Exported(path, report,
-                    camera_parameters.get("float screenwindow", ())
-                    if kind == "perspective" else (), time.monotonic() - start,
+    return Exported(path, report, view_window, time.monotonic() - start,
                     time.thread_time() - cpu_start, content.written, content.kept)
+
+
+def _write_scene(depsgraph, header, body, content, report, settings, set_frame, view):
+    """Returns Exported.view_window. All values are those at the frame; only what moves is read at
+    other times.
+    """
+    scene = depsgraph.scene_eval
+    if view.object is None:
+        raise ValueError("the scene has no camera; add one (Add > Camera)")
+    images = Images(content, report)
+    shutter = camera.shutter_of(scene)
+    collector = Collector(depsgraph, content, images, report, shutter is not None)
+    collector.collect()
+    camera_object = view.object.evaluated_get(depsgraph)
+    kind = camera.kind_of(camera_object.data)
+    states = [camera.state(view, depsgraph, scene)]
+    camera_parameters = camera.parameters(camera_object, states[0], shutter, report)
+    text = SceneText(body)
+    writer = SceneWriter(text, materials.TextureTable(text, images.file_of), images, content,
+                         report)
+    text.raw("WorldBegin")
+    geometries = list(collector.geometries.values())
+    view_now = camera.views_of(states, kind)[0]
+    for place in collector.lights:
+        place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
+    _write_lights(text, scene, collector.lights, sphere_of(geometries), images, content, report)
+    moved = None
+    if shutter is not None:
+        moved = _read_motion(depsgraph, collector, states, kind, settings, set_frame, shutter, view)
+        motion.write_deformed(moved, collector, content, report)
+        motion.note_lights(moved, collector, report)
+        states += _camera_motion(moved, camera_object, states[0], report)
+    writer.write(geometries, moved)
+    medium = writer.write_camera_medium(
+        inside_of.media_at(geometries, states[0].matrix.translation), camera_object.name)
+    options = SceneText(header)
+    _write_options(options, settings, shutter)
+    _write_camera(options, camera.views_of(states, kind), kind, camera_parameters, medium)
+    return states[0].window if kind == "perspective" else ()
+
+
+def _write_lights(text, scene, places, sphere, images, content, report):
+    world_item = f'world "{scene.world.name}"' if scene.world else "world"
+    with report.guard(world_item), text.whole():
+        world.write_world(text, scene.world, images, content, report)
+    for place in places:
+        with report.guard(f'light "{place.name}"'), text.whole():
+            color = lights.color_of(place.light, report, images)
+            lights.write_light(text, place, color, sphere, content, report)
+
+
+def _read_motion(depsgraph, collector, states, kind, settings, set_frame, shutter, view):
+    scene = depsgraph.scene
+    frame = scene.frame_current + scene.frame_subframe
+    length = shutter[1] - shutter[0]
+
+    def set_fraction(fraction):
+        _set_time(set_frame, frame + shutter[0] + fraction * length)
+    try:
+        return motion.read(depsgraph, collector,
+                           lambda: camera.state(view, depsgraph, depsgraph.scene_eval),
+                           set_fraction, -shutter[0] / length,
+                           camera.pixel_sizes(states[0], kind, (settings.width, settings.height)))
+    finally:
+        _set_time(set_frame, frame)
+
+
+def _camera_motion(moved, camera_object, at_frame, report):
+    """The States when the shutter opens and closes; none if the camera stands still."""
+    if not getattr(getattr(camera_object, "cycles", None), "use_motion_blur", True):
+        return []
+    found = [snapshot.camera for snapshot in moved.snapshots]
+    item = f'camera "{camera_object.name}"'
+    if any(one.lens != at_frame.lens for one in found):
+        report.approximated(item, "its depth of field is that at the frame while the shutter is "
+                                  "open")
+    for i, one in enumerate(found):
+        even = motion.interpolated(found[0].matrix, found[-1].matrix, i / (len(found) - 1))
+        if max(abs(x - y) for row, other in zip(even, one.matrix)
+               for x, y in zip(row, other)) > CAMERA_UNEVEN_MAX:
+            report.approximated(item, "its motion while the shutter is open is made even")
+            break
+    return [found[0], found[-1]]
 
 
 def _set_time(set_frame, time_frames):
@@ -96,7 +153,7 @@ def _set_time(set_frame, time_frames):
     set_frame(whole, time_frames - whole)
 
 
-def _write_options(text, settings, views, kind, camera_parameters, shutter):
+def _write_options(text, settings, shutter):
     text.raw("# Written by Sheaf's add-on for Blender.")
     film = {"integer xresolution": settings.width, "integer yresolution": settings.height}
     if settings.window:
@@ -108,14 +165,22 @@ def _write_options(text, settings, views, kind, camera_parameters, shutter):
     text.directive("Integrator", "volpath", {"integer maxdepth": settings.max_depth})
     if shutter is not None:
         text.raw(f"TransformTimes {shutter[0]:.9g} {shutter[1]:.9g}")
-    if len(views) == 2 and views[0] != views[1]:
+
+
+def _write_camera(text, views, kind, camera_parameters, medium):
+    """medium: the name of that around the camera; empty for none."""
+    if views[0] != views[-1]:
         for when, view in zip(("StartTime", "EndTime"), views):
             text.raw("ActiveTransform " + when)
             text.transform("Transform", view)
         text.raw("ActiveTransform All")
     else:
         text.transform("Transform", views[0])
+    if medium:
+        text.directive("MediumInterface", "", medium)
     text.directive("Camera", kind, camera_parameters)
+    if medium:
+        text.directive("MediumInterface", "", "")
 
 
 # Cycles' filters: Gaussian exp(-2 (6 x / width)^2) within width / 2; the Blackman-Harris window,

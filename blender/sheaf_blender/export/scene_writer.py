@@ -1,12 +1,14 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Writes the scene file from what the collector has read."""
+import dataclasses
+
 import mathutils
 import numpy
 
-from ..scene import materials, values
+from ..scene import closures, materials, values
 from ..scene.text import parameters_text
-from . import lights
+from . import inside_of, lights, motion
 from .collector import Geometry
 
 _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
@@ -15,35 +17,78 @@ _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
 class SceneWriter:
     """Writes shapes, instances and media, with the names of Blender's objects for mattes."""
 
-    def __init__(self, text, textures, images, report):
+    def __init__(self, text, textures, images, content, report):
         self._text = text
         self._textures, self._images, self._report = textures, images, report
+        self._content = content
         self._materials = materials.MaterialTable(text, textures)
-        self._media = {}
+        self._media = {}    # By medium: two materials of one name may differ.
+        self._prepared = {}
 
-    def write(self, geometries, later):
-        """later: {motion key: matrix when the shutter closes}; empty without motion blur."""
+    def write(self, geometries, moved):
+        """moved: a motion.Motion; None without motion blur."""
         for geometry in geometries:
             if not geometry.parts and not geometry.strands and geometry.medium_grid is None:
                 continue
             names = [self._prepare(part.shading) for part in geometry.parts]
-            if geometry.medium_grid is not None:
-                self._write_grids(geometry)
-            elif len(geometry.matrices) == 1 or any(map(self._emits, geometry.parts)):
-                for i in range(len(geometry.matrices)):
-                    self._write_alone(geometry, names, i, later)
-            else:
-                self._write_instances(geometry, names, later)
+            for shading, _ in geometry.strands:
+                self._prepare(shading)
+            with self._report.guard(_item(geometry)), self._text.whole():
+                self._write_geometry(geometry, names, moved)
+
+    def _write_geometry(self, geometry, names, moved):
+        self._note_flat(geometry)
+        if geometry.medium_grid is not None:
+            self._write_grids(geometry)
+        elif len(geometry.matrices) == 1 or any(map(self._emits, geometry.parts)):
+            for i in range(len(geometry.matrices)):
+                self._write_alone(geometry, names, i, moved)
+        elif geometry.matrices:
+            self._write_instances(geometry, names, moved)
+
+    def _note_flat(self, geometry):
+        """Drops the places at which nothing is seen, and those that cannot be written."""
+        for i in reversed(range(len(geometry.matrices))):
+            matrix = geometry.matrices[i]
+            if matrix is None or not inside_of.is_singular(matrix):
+                continue
+            if sorted(matrix.col[axis].xyz.length for axis in range(3))[1] > 0:
+                self._report.left_out(f'object "{geometry.object_names[i]}"',
+                                      "it is scaled to a plane or line; it is invisible")
+            for values_of in (geometry.matrices, geometry.object_names, geometry.keys):
+                del values_of[i]
+
+    def write_camera_medium(self, found, camera_name):
+        """The name of the medium around the camera; empty for none. found: see inside_of."""
+        if not found:
+            return ""
+        if len(found) > 1:
+            self._report.approximated(f'camera "{camera_name}"', f"it is in {len(found)} volumes; "
+                                      "the first one counts")
+        geometry, index, part = found[0]
+        if part is None:
+            return _grid_name(geometry, index)
+        return self._prepare(part.shading)[1]
 
     def _prepare(self, shading):
-        """Writes the material and medium of a shading before shapes use them."""
+        """(material, medium), which are written before shapes use them."""
+        if shading not in self._prepared:
+            found = None
+            with self._report.guard(f'material "{shading.name}"'):
+                found = self._written(shading)
+            self._prepared[shading] = found or (self._materials.name_of(
+                materials.diffuse(closures.PINK), "cannot be exported"), "")
+        return self._prepared[shading]
+
+    def _written(self, shading):
         closure = shading.closure
         material = closure.material
         if not shading.has_surface and shading.medium is not None:
             material = materials.make("interface")
         elif material is None:
             material = materials.diffuse((0.0, 0.0, 0.0))
-        if shading.medium is not None and not materials.is_boundary(material):
+        is_open = materials.is_boundary(material) or closures.opacity(closure) != 1.0
+        if shading.medium is not None and not is_open:
             self._report.left_out(f'material "{shading.name}"',
                                   "its Volume, which its opaque surface hides")
         return self._materials.name_of(material, shading.name), self._medium(shading)
@@ -52,44 +97,72 @@ class SceneWriter:
         medium = shading.medium
         if medium is None:
             return ""
-        if shading.name not in self._media:
-            self._media[shading.name] = shading.name
+        if medium not in self._media:
             if medium.blackbody > 0:
                 self._report.left_out(f'material "{shading.name}"',
                                       "Blackbody of a volume without a grid")
-            self._text.directive("MakeNamedMedium", shading.name, {
+            name = shading.name
+            while name in self._media.values():
+                name += "'"
+            self._text.directive("MakeNamedMedium", name, {
                 "string type": "homogeneous", **_coefficients(medium, 1.0)})
-        return self._media[shading.name]
+            self._media[medium] = name
+        return self._media[medium]
 
     @staticmethod
     def _emits(part):
         emission = part.shading.closure.emission
         return not values.is_constant(emission) or max(emission) > 0
 
-    def _write_alone(self, geometry, names, index, later):
+    def _write_alone(self, geometry, names, index, moved):
         text = self._text
-        text.directive("AttributeBegin")
         matrix = geometry.matrices[index]
-        if matrix is not None:
-            lights.write_transform(text, matrix, self._motion(geometry, index, later))
-        self._write_shapes(geometry, names, geometry.object_names[index])
+        found, is_even = self._motion(geometry, index, moved)
+        text.directive("AttributeBegin")
+        if found and not is_even:
+            self._write_baked(geometry, names, index, found, moved)
+        else:
+            if matrix is not None:
+                lights.write_transform(text, *(found or (matrix, None)))
+            self._write_shapes(geometry, names, geometry.object_names[index])
         text.directive("AttributeEnd")
 
-    @staticmethod
-    def _motion(geometry, index, later):
-        """The matrix when the shutter closes, if it differs."""
-        if not later or geometry.keys[index] is None:
-            return None
-        closing = later.get(geometry.keys[index])
-        return None if closing is None or closing == geometry.matrices[index] else closing
+    def _motion(self, geometry, index, moved):
+        """See motion.Motion.of_instance."""
+        if moved is None or geometry.keys[index] is None:
+            return [], True
+        found, is_even = moved.of_instance(geometry, index)
+        item = f'object "{geometry.object_names[index]}"'
+        if found and any(map(self._emits, geometry.parts)):
+            self._report.left_out(item, "its motion while the shutter is open: it shines, and "
+                                        "stands where it is at the frame")
+            return [], True
+        if any(map(inside_of.is_singular, found)):
+            self._report.left_out(item, "its motion while the shutter is open: it is flat at times")
+            return [], True
+        if not is_even and (not geometry.parts or geometry.strands or moved.is_full):
+            self._report.approximated(item, "its motion while the shutter is open is made even")
+            return [found[0], found[-1]], True
+        return found, is_even
+
+    def _write_baked(self, geometry, names, index, found, moved):
+        """Shapes whose vertices are in world space at each key."""
+        deformed = [s.meshes.get(geometry.name) for s in moved.snapshots]
+        parts = []
+        for i, part in enumerate(geometry.parts):
+            shapes = None if None in deformed else [parts_then[i] for parts_then in deformed]
+            files = motion.baked_files(self._content, part, found, shapes)
+            parts.append(dataclasses.replace(part, file=files[0], later_files=files[1:]))
+        self._write_shapes(dataclasses.replace(geometry, parts=parts), names,
+                           geometry.object_names[index])
 
     def _write_shapes(self, geometry: Geometry, names, object_name=None):
         """object_name: of shapes that stand alone; instances name those of an object."""
         text = self._text
         for part, (material, medium) in zip(geometry.parts, names):
             parameters = {"string filename": part.file, **_name(object_name)}
-            if part.later_file:
-                parameters["string filename1"] = part.later_file
+            for i, file in enumerate(part.later_files):
+                parameters[f"string filename{i + 1}"] = file
             alpha = part.shading.closure.alpha
             if alpha != 1.0 and part.shading.has_surface:
                 parameters.update(self._textures.parameter("alpha", alpha, False))
@@ -124,15 +197,13 @@ class SceneWriter:
         self._text.directive("AreaLightSource", "diffuse", {
             "rgb L": tuple(max(0.0, c) for c in values.color(emission)), "bool twosided": True})
 
-    def _write_instances(self, geometry, names, later):
+    def _write_instances(self, geometry, names, moved):
         text = self._text
-        for shading, _ in geometry.strands:
-            self._prepare(shading)
         text.directive("ObjectBegin", geometry.name)
         self._write_shapes(geometry, names)
         text.directive("ObjectEnd")
-        moving = {i: motion for i in range(len(geometry.matrices) if later else 0)
-                  if (motion := self._motion(geometry, i, later)) is not None}
+        moving = {i: found for i in range(len(geometry.matrices) if moved else 0)
+                  if (found := self._motion(geometry, i, moved))[0]}
         places = [f'ObjectInstance "{_plain(geometry.name)}"{parameters_text(_name(name))}'
                   for name in geometry.object_names]
         flat = numpy.array([[x for column in matrix.col for x in column]
@@ -144,10 +215,13 @@ class SceneWriter:
                  "AttributeEnd" for i, numbers in enumerate(flat.tolist()) if i not in moving]
         if lines:
             text.raw("\n".join(lines))
-        for i, motion in moving.items():
+        for i, (found, is_even) in moving.items():
             text.directive("AttributeBegin")
-            lights.write_transform(text, geometry.matrices[i], motion)
-            text.raw(places[i])
+            if is_even:
+                lights.write_transform(text, *found)
+                text.raw(places[i])
+            else:
+                self._write_baked(geometry, names, i, found, moved)
             text.directive("AttributeEnd")
 
     def _write_grids(self, geometry):
@@ -156,7 +230,7 @@ class SceneWriter:
         medium = grid.shading.medium
         for i, matrix in enumerate(geometry.matrices):
             scale = matrix.median_scale if grid.is_object_space else 1.0
-            name = f"{geometry.name} {i + 1}"
+            name = _grid_name(geometry, i)
             text.directive("AttributeBegin")
             text.transform("ConcatTransform", matrix)
             parameters = {"string type": "openvdb", "string filename": grid.path,
@@ -169,6 +243,14 @@ class SceneWriter:
             text.directive("Shape", "trianglemesh",
                            {**_box(grid.corners), **_name(geometry.object_names[i])})
             text.directive("AttributeEnd")
+
+
+def _item(geometry):
+    return f'object "{(geometry.object_names or [geometry.name])[0]}"'
+
+
+def _grid_name(geometry, index):
+    return f"{geometry.name} {index + 1}"
 
 
 def _coefficients(medium, scale):

@@ -28,6 +28,7 @@ class Shading:
     closure: Closure
     medium: Medium | None = None
     has_surface: bool = True
+    has_texture: bool = False  # Whether it uses the uv of the mesh.
 
 
 def read_material(material, report, images):
@@ -52,7 +53,7 @@ def read_material(material, report, images):
         if bump is not None:
             closure = dataclasses.replace(
                 closure, material=materials.with_bumps(closure.material, None, bump))
-    return Shading(material.name, closure, medium, has_surface)
+    return Shading(material.name, closure, medium, has_surface, reader.values.uses_uv)
 
 
 class ShaderReader:
@@ -66,7 +67,7 @@ class ShaderReader:
         """The Closure behind a shader socket."""
         place, _, _ = node_links.source(wanted)
         if place is None:
-            return Closure(materials.diffuse(BLACK))
+            return closures.NOTHING
         reader = _SURFACES.get(place.node.type)
         if reader is None:
             self.report.left_out(self.item, f'shader "{place.node.name}" ({place.node.bl_label}); '

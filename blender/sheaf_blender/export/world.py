@@ -66,7 +66,7 @@ def _map(text, place, strength, images, content, item, report):
     value = images.value(node.image, node.image_user, "repeat", (1.0, 1.0, 0.0, 0.0), "bilinear")
     pixels = None if value is None else images.pixels(value)
     if pixels is None:
-        report.left_out(item, f'image "{node.image.name}", which cannot be read')
+        _constant(text, (strength, 0.0, strength))
         return
     square = sphere_map.equal_area_from_equirectangular(numpy.maximum(pixels, 0))
     path = write_pixels(content, square[::-1])

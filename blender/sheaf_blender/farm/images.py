@@ -52,6 +52,24 @@ def read_layers(path):
         file.close()
 
 
+def read_float(path):
+    """(height, width, channels) float32 as they are in the file, rows from the top. Raises
+    ImageError.
+    """
+    oiio = library()
+    file = oiio.ImageInput.open(path)
+    if file is None:
+        raise ImageError(f"{path}: cannot be read: {oiio.geterror().strip()}; save it again")
+    try:
+        spec = file.spec()
+        pixels = file.read_image(oiio.FLOAT)
+        if pixels is None:
+            raise ImageError(f"{path}: cannot be read: {file.geterror().strip()}; save it again")
+        return pixels.reshape(spec.height, spec.width, spec.nchannels)[:, :, :4]
+    finally:
+        file.close()
+
+
 def write_float(path, pixels):
     """Writes an EXR of linear floats. pixels: (height, width, 3), rows from the top."""
     oiio = library()

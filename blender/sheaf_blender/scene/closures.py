@@ -6,6 +6,7 @@ import dataclasses
 from . import materials, values
 
 BLACK = (0.0, 0.0, 0.0)
+PINK = (1.0, 0.0, 1.0)  # Of what is missing, as in Cycles.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -13,29 +14,32 @@ class Closure:
     """material: None if nothing scatters. alpha: the part that is not transparent."""
     material: object = None
     alpha: object = 1.0
-    emission: object = BLACK  # Radiance, of both sides.
+    emission: object = BLACK  # Radiance, of both sides, of the part that is not transparent.
 
 
 EMPTY = Closure(None, 0.0)
+NOTHING = Closure(None, 1.0)  # Of a socket without a shader: black, and light does not pass.
+GLOW_ALPHA = 0.02  # Of a surface that shines and is transparent: Sheaf has none that is both.
 
 
 def mix(first, second, factor, item, report):
     """factor: the weight of second, a value."""
+    factor = values.clamped(factor)
     if values.is_constant(factor):
-        factor = min(max(values.gray(factor), 0.0), 1.0)
+        factor = values.gray(factor)
         if factor in (0.0, 1.0):
             return second if factor else first
-    emission = _sum(_weighted(first.emission, factor, True, item, report),
-                    _weighted(second.emission, factor, False, item, report), item, report)
     if is_transparent(first) or is_transparent(second):
         opaque, shown = (second, factor) if is_transparent(first) else (first, inverse(factor))
-        alpha = _product(opaque.alpha, shown, item, report)
-        return Closure(opaque.material, alpha, emission)
+        return dataclasses.replace(opaque, alpha=_product(opaque.alpha, shown, item, report))
     if opacity(first) != 1.0 or opacity(second) != 1.0:
         report.approximated(item, "a mix of surfaces of which one is partly transparent: both have "
                                   "the mean of their alpha")
     alpha = values.mix(first.alpha, second.alpha, factor)
+    emission = _mixed_emission(first, second, factor, alpha, item, report)
     a, b = (c.material or materials.diffuse(BLACK) for c in (first, second))
+    if first.material is None and second.material is None:
+        return Closure(None, alpha, emission)
     if "subsurface" in (a.kind, b.kind):
         report.approximated(item, "a mix with Subsurface Scattering: the larger part is shown")
         return Closure(a if not values.is_constant(factor) or factor < 0.5 else b, alpha, emission)
@@ -44,16 +48,80 @@ def mix(first, second, factor, item, report):
     return Closure(materials.mix(a, b, factor), alpha, emission)
 
 
+def _mixed_emission(first, second, factor, alpha, item, report):
+    """The emission that alpha cuts to what both shine together."""
+    shares = [1.0, 1.0]
+    opaque = [opacity(first), opacity(second)]
+    total = float(values.gray(alpha)) if values.is_constant(alpha) else None
+    if total and None not in opaque:
+        shares = [part / total for part in opaque]
+    return _sum(_weighted(first.emission, factor, True, shares[0], item, report),
+                _weighted(second.emission, factor, False, shares[1], item, report), item, report)
+
+
 def add(first, second, item, report):
-    emission = _sum(first.emission, second.emission, item, report)
+    """The sum passes the light that both pass, and shines as both do."""
+    if is_empty(first) or is_empty(second):
+        return second if is_empty(first) else first
     solid = [c for c in (first, second) if c.material is not None]
+    shines = [c.emission != BLACK for c in (first, second)]
     if len(solid) < 2:
-        chosen = solid[0] if solid else max((first, second), key=lambda c: opacity(c) or 0)
-        return Closure(chosen.material, chosen.alpha, emission)
+        alpha = _added_alpha(first, second, item, report)
+        if alpha == 0.0 and any(shines):
+            return _glow(first, second, item, report)
+        emission = BLACK
+        for one in (first, second):
+            emission = _sum(emission, _cut_by(one, alpha, item, report), item, report)
+        return Closure(solid[0].material if solid else None, alpha, emission)
     a, b = (doubled(c.material) for c in solid)
     report.approximated(item, "Add Shader of two surfaces is an even mix with doubled colors, at "
                               "most white")
-    return Closure(materials.mix(a, b, 0.5), solid[0].alpha, emission)
+    return Closure(materials.mix(a, b, 0.5), solid[0].alpha,
+                   _sum(first.emission, second.emission, item, report))
+
+
+def _added_alpha(first, second, item, report):
+    """1 less the sum of what is transparent."""
+    a, b = first.alpha, second.alpha
+    if values.is_constant(a) and values.is_constant(b):
+        total = values.gray(a) + values.gray(b) - 1
+        if total > 0 or is_transparent(first) or is_transparent(second):
+            return min(max(total, 0.0), 1.0)
+    elif values.is_constant(a) and values.gray(a) == 1.0:
+        return b
+    elif values.is_constant(b) and values.gray(b) == 1.0:
+        return a
+    report.approximated(item, "Add Shader of two transparent surfaces has the alpha of the first")
+    return a
+
+
+def _cut_by(closure, alpha, item, report):
+    """The emission of a part of a sum whose alpha is given."""
+    own, total = opacity(closure), values.gray(alpha) if values.is_constant(alpha) else None
+    if closure.emission == BLACK or closure.alpha == alpha:
+        return closure.emission
+    if own is None or not total:
+        report.approximated(item, "light of a surface whose alpha is a texture is cut by it")
+        return closure.emission
+    return values.apply(closure.emission, "multiply", *(own / total,) * 3)
+
+
+def _glow(first, second, item, report):
+    """Light in front of what is behind: few of the rays are stopped, and show more light."""
+    report.approximated(item, f"a transparent surface that shines stops {GLOW_ALPHA:.0%} of the "
+                              "light behind it")
+    emission = BLACK
+    for one in (first, second):
+        if one.emission != BLACK:
+            share = (1.0 if opacity(one) is None else opacity(one)) / GLOW_ALPHA
+            emission = _sum(emission, values.apply(one.emission, "multiply", *(share,) * 3), item,
+                            report)
+    return Closure(None, GLOW_ALPHA, emission)
+
+
+def is_empty(closure):
+    """Whether it is that of a socket without a shader."""
+    return closure is NOTHING
 
 
 def is_transparent(closure):
@@ -91,14 +159,17 @@ def _diffuse_both(a, b, factor):
     return materials.make("diffusetransmission", result)
 
 
-def _weighted(emission, factor, is_first, item, report):
+def _weighted(emission, factor, is_first, share, item, report):
     if emission == BLACK:
         return BLACK
     weight = inverse(factor) if is_first else factor
-    if not values.is_constant(weight):
-        report.approximated(item, "Emission that a texture mixes: half of it shines everywhere")
-        weight = 0.5
-    return values.apply(emission, "multiply", weight, weight, weight)
+    if values.is_constant(weight):
+        return values.apply(emission, "multiply", *(weight * share,) * 3)
+    if values.is_constant(emission):
+        return values.mix(BLACK, values.apply(emission, "multiply", *(share,) * 3), weight)
+    report.approximated(item, "Emission of a texture that a texture mixes: half of it shines "
+                              "everywhere")
+    return values.apply(emission, "multiply", 0.5, 0.5, 0.5)
 
 
 def _sum(a, b, item, report):

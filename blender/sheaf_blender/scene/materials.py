@@ -84,8 +84,8 @@ class TextureTable:
             return self._names[key]
         kind, parameters = self._class_of(value, as_color)
         name = f"t{len(self._names) + 1}"
-        self._names[key] = name
         self._text.directive("Texture", name, "spectrum" if as_color else "float", kind, parameters)
+        self._names[key] = name
         return name
 
     def _class_of(self, value, as_color):
@@ -139,9 +139,9 @@ class MaterialTable:
         name = wanted
         while name in self._taken:
             name += "'"
+        self._text.directive("MakeNamedMaterial", name, parameters)
         self._taken.add(name)
         self._names[material] = name
-        self._text.directive("MakeNamedMaterial", name, parameters)
         return name
 
     def _bumps(self, material):

@@ -1,7 +1,10 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """The report of an export: what is approximated and what is left out."""
+import contextlib
 import dataclasses
+import os
+import traceback
 
 ENTRIES_MAX = 500  # More are counted, not kept: a panel cannot show them.
 
@@ -18,6 +21,13 @@ class Entry:
         return f"{self.item}: {self.text} ({self.kind})"
 
 
+def cause(error):
+    """One line that says what was raised, and where."""
+    places = traceback.extract_tb(error.__traceback__)
+    where = f"{os.path.basename(places[-1].filename)}:{places[-1].lineno}" if places else "?"
+    return f"{str(error).strip() or type(error).__name__} ({type(error).__name__} at {where})"
+
+
 class Report:
     """Entries in the order of their first mention; repetitions count once."""
 
@@ -30,6 +40,20 @@ class Report:
 
     def left_out(self, item, text):
         self._add(Entry(LEFT_OUT, item, text))
+
+    @contextlib.contextmanager
+    def guard(self, item):
+        """An exception ends the work on this item alone, and is its entry."""
+        try:
+            yield
+        except Exception as error:
+            self.left_out(item, f"it cannot be exported: {cause(error)}")
+
+    def include(self, other):
+        """Adds the entries of another report."""
+        for entry in other.entries:
+            self._add(entry)
+        self.omitted += other.omitted
 
     @property
     def entries(self):

@@ -1,6 +1,8 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Writes directives of the pbrt-v4 format."""
+import contextlib
+import io
 import math
 
 
@@ -61,3 +63,13 @@ class SceneText:
 
     def transform(self, name, matrix):
         self.raw(f"{name} {matrix_text(matrix)}")
+
+    @contextlib.contextmanager
+    def whole(self):
+        """Keeps the text that is written meanwhile if nothing is raised, and drops it otherwise."""
+        file, self._file = self._file, io.StringIO()
+        try:
+            yield
+            file.write(self._file.getvalue())
+        finally:
+            self._file = file

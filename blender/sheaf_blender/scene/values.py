@@ -97,6 +97,20 @@ def apply(value, name, *arguments):
                                second=apply(value.second, name, *arguments))
 
 
+# Operations whose results lie within 0 and 1.
+_BOUNDED = {"gray", "channel", "clamp"}
+
+
+def clamped(amount):
+    """The value within 0 and 1, as factors of mixes are in Blender."""
+    if is_constant(amount):
+        return min(max(gray(amount), 0.0), 1.0)
+    if isinstance(amount, ImageValue) and (
+            all(name in _BOUNDED for name, _ in amount.operations)):
+        return amount
+    return apply(amount, "clamp", 0.0, 1.0)
+
+
 def multiply(a, b):
     """None where the format has no such texture: the product of two colored ones."""
     if is_constant(b):
@@ -109,8 +123,8 @@ def multiply(a, b):
 
 
 def mix(a, b, amount):
+    amount = clamped(amount)
     if is_constant(amount):
-        amount = min(max(gray(amount), 0.0), 1.0)
         if amount == 0 or a == b:
             return a
         if amount == 1:

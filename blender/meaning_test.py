@@ -1,0 +1,200 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Tests the add-on's reading of Blender as far as it needs no Blender: sizes of frames, alpha and
+tiles of images, mixed and added shaders, points within meshes, failures of single items.
+
+Run: meaning_test.py. Needs numpy.
+"""
+import io
+import math
+import os
+import random
+import sys
+import unittest
+
+sys.dont_write_bytecode = True
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+import numpy
+
+from sheaf_blender.scene import (closures, containment, frame_size, image_pixels, materials,
+                                 report, text, values)
+from sheaf_blender.scene.closures import BLACK, EMPTY, NOTHING, Closure
+
+RED, WHITE = materials.diffuse((0.8, 0.1, 0.1)), materials.diffuse((0.8, 0.8, 0.8))
+IMAGE = values.ImageValue("image")
+RESOLUTIONS = ((300, 200), (1280, 720), (800, 600), (1920, 1080), (3840, 2160), (4096, 1716),
+               (160, 120), (1, 1), (7, 5), (1080, 1920))
+
+
+class FrameSizeTest(unittest.TestCase):
+    def test_percentages_are_integers_rounded_down(self):
+        self.assertEqual(frame_size.size_of(300, 200, 29), (87, 58))
+        for width, height in RESOLUTIONS:
+            for percentage in range(1, 201):
+                found = frame_size.size_of(width, height, percentage)
+                exact = [max(1, (size * percentage - size * percentage % 100) // 100)
+                         for size in (width, height)]
+                self.assertEqual(list(found), exact)
+
+    def test_edges_of_regions_are_float32(self):
+        self.assertEqual(frame_size.window_of((0.1, 0.7, 0.0, 1.0), 160, 120), (16, 112, 0, 120))
+
+    def test_regions_lie_within_the_frame(self):
+        seeded = random.Random(7)
+        for width, height in RESOLUTIONS:
+            for _ in range(100):
+                x, y = (sorted(seeded.random() for _ in range(2)) for _ in range(2))
+                x0, x1, y0, y1 = frame_size.window_of((*x, *y), width, height)
+                self.assertTrue(0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height)
+
+
+class ImagePixelsTest(unittest.TestCase):
+    def setUp(self):
+        self.pixels = numpy.full((2, 2, 4), 0.5, numpy.float32)
+
+    def test_alpha_scales_the_encoded_color(self):
+        found = image_pixels.colors(self.pixels, "multiply", True)
+        self.assertAlmostEqual(float(found[0, 0, 0]), ((0.25 + 0.055) / 1.055) ** 2.4, 6)
+        self.assertAlmostEqual(float(image_pixels.colors(self.pixels, "divide", False)[0, 0, 0]),
+                               1.0)
+        self.assertAlmostEqual(float(image_pixels.colors(self.pixels, "keep", False)[0, 0, 0]), 0.5)
+
+    def test_nothing_is_divided_by_an_alpha_of_0(self):
+        self.pixels[...] = 0
+        self.assertEqual(float(image_pixels.colors(self.pixels, "divide", False).max()), 0.0)
+
+    def test_images_of_one_channel_are_gray(self):
+        found = image_pixels.colors(self.pixels[:, :, :1], "multiply", False)
+        numpy.testing.assert_array_equal(found, numpy.full((2, 2, 3), 0.5))
+        self.assertFalse(image_pixels.has_alpha(self.pixels[:, :, :3]))
+        self.assertTrue(image_pixels.has_alpha(self.pixels))
+
+    def test_tiles_lie_side_by_side_and_missing_ones_are_pink(self):
+        small, large = numpy.zeros((1, 1, 3)), numpy.ones((2, 2, 3))
+        pixels, columns, rows = image_pixels.atlas({1001: small, 1012: large})
+        self.assertEqual((pixels.shape, columns, rows), ((4, 4, 3), 2, 2))
+        self.assertEqual(pixels[0, 0].tolist(), [0, 0, 0])
+        self.assertEqual(pixels[3, 3].tolist(), [1, 1, 1])
+        self.assertEqual(pixels[0, 3].tolist(), list(closures.PINK))
+
+    def test_tiles_have_a_limit(self):
+        with self.assertRaisesRegex(ValueError, "shrink them"):
+            image_pixels.atlas({1001: numpy.zeros((1, 1, 3)), 1900: numpy.zeros((4096, 4096, 3))})
+
+
+class ClosureTest(unittest.TestCase):
+    def setUp(self):
+        self.report = report.Report()
+
+    def mix(self, first, second, factor):
+        return closures.mix(first, second, factor, "m", self.report)
+
+    def add(self, first, second):
+        return closures.add(first, second, "m", self.report)
+
+    def shown(self, closure):
+        """The light that a surface adds, and the part of what is behind that is seen."""
+        alpha = closures.opacity(closure)
+        return alpha * closure.emission[0], 1 - alpha
+
+    def test_transparent_and_emission_weigh_once(self):
+        for factor in (0.25, 0.5):
+            found = self.mix(EMPTY, Closure(None, 1.0, (2.0, 1.0, 0.0)), factor)
+            self.assertEqual(self.shown(found), (2.0 * factor, 1 - factor))
+        found = self.mix(Closure(None, 1.0, (2.0, 1.0, 0.0)), EMPTY, IMAGE)
+        self.assertEqual(found.emission, (2.0, 1.0, 0.0))
+
+    def test_mixes_of_partly_transparent_light(self):
+        half = Closure(None, 0.5, (2.0, 0.0, 0.0))
+        light, passes = self.shown(self.mix(half, Closure(RED, 1.0), 0.5))
+        self.assertAlmostEqual(light, 0.5)
+        self.assertAlmostEqual(passes, 0.25)
+
+    def test_added_light_does_not_hide_what_is_behind(self):
+        light, passes = self.shown(self.add(EMPTY, Closure(None, 1.0, (0.5, 0.2, 0.1))))
+        self.assertAlmostEqual(light, 0.5)
+        self.assertGreater(passes, 0.97)
+        self.assertIn("shines stops", self.report.lines()[0])
+
+    def test_added_light_of_opaque_surfaces(self):
+        found = self.add(Closure(RED, 1.0, (1.0, 0.0, 0.0)), Closure(None, 1.0, (0.5, 0.0, 0.0)))
+        self.assertEqual((found.material, self.shown(found)), (RED, (1.5, 0.0)))
+        self.assertEqual(self.report.lines(), [])
+
+    def test_empty_inputs_add_nothing_and_mix_black(self):
+        surface = Closure(RED, 1.0)
+        self.assertEqual(self.add(surface, NOTHING), surface)
+        self.assertEqual(self.add(NOTHING, surface), surface)
+        self.assertEqual(self.mix(surface, NOTHING, 0.5).material,
+                         materials.mix(RED, materials.diffuse(BLACK), 0.5))
+        self.assertEqual(self.report.lines(), [])
+
+    def test_factors_are_clamped(self):
+        self.assertEqual(self.mix(Closure(RED), Closure(WHITE), 3.0).material, WHITE)
+        over = values.apply(IMAGE, "multiply", 3, 3, 3)
+        found = values.mix((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), over)
+        self.assertEqual([name for name, _ in found.amount.operations][-2:], ["clamp", "gray"])
+        self.assertEqual(values.clamped(IMAGE), IMAGE)
+
+
+class ContainmentTest(unittest.TestCase):
+    def setUp(self):
+        corners = numpy.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)],
+                              numpy.float32)
+        faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+        triangles = [t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))]
+        self.cube = (corners, numpy.int32(triangles))
+
+    def test_points_in_a_cube(self):
+        seeded = random.Random(3)
+        for _ in range(200):
+            point = [seeded.uniform(-2, 2) for _ in range(3)]
+            found = containment.nearest_around(point, [self.cube])
+            self.assertEqual(found is not None, max(map(abs, point)) < 1, point)
+
+    def test_the_nearest_part_bounds(self):
+        corners, triangles = self.cube
+        parts = [(corners, triangles[:2]), (corners, triangles[2:])]
+        self.assertIsNotNone(containment.nearest_around((0, 0, 0), parts))
+        self.assertIsNone(containment.nearest_around((0, 0, 3), parts))
+
+    def test_between_two_spheres_of_one_mesh(self):
+        corners, triangles = self.cube
+        hollow = (numpy.concatenate([corners, corners / 2]),
+                  numpy.concatenate([triangles, triangles + 8]))
+        self.assertIsNone(containment.nearest_around((0.1, 0, 0), [hollow]))
+        self.assertEqual(containment.nearest_around((0.7, 0, 0), [hollow]), 0)
+
+
+class FailureTest(unittest.TestCase):
+    def test_a_failure_is_a_line_and_leaves_no_half_item(self):
+        file, found = io.StringIO(), report.Report()
+        written = text.SceneText(file)
+        with found.guard('object "A"'), written.whole():
+            written.raw("AttributeBegin")
+            written.directive("Translate", {"float x": math.nan})
+        with found.guard('object "B"'), written.whole():
+            written.raw("Identity")
+        self.assertEqual(file.getvalue(), "Identity\n")
+        self.assertRegex(found.lines()[0], r'^object "A": it cannot be exported: nan cannot stand '
+                                           r".*\(ValueError at text.py:\d+\) \(left out\)$")
+
+    def test_interruptions_are_no_failures(self):
+        with self.assertRaises(KeyboardInterrupt), report.Report().guard("object"):
+            raise KeyboardInterrupt
+
+    def test_names_stand_only_for_what_is_written(self):
+        file = io.StringIO()
+        table = materials.MaterialTable(text.SceneText(file),
+                                        materials.TextureTable(text.SceneText(file), None))
+        wrong = materials.make("dielectric", floats={"eta": math.nan})
+        for _ in range(2):
+            with self.assertRaises(ValueError):
+                table.name_of(wrong, "Wrong")
+        self.assertEqual(table.name_of(RED, "Wrong"), "Wrong")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,39 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Which media are around a point, as the camera's."""
+from ..scene import containment
+
+
+def media_at(geometries, point):
+    """[(geometry, index of its instance, part, or None for a grid)] around the point, in the world.
+    """
+    found = []
+    for geometry in geometries:
+        if geometry.medium_grid is None and all(part.shading.medium is None
+                                                for part in geometry.parts):
+            continue
+        for index, matrix in enumerate(geometry.matrices):
+            if matrix is None or is_singular(matrix):
+                continue
+            local = matrix.inverted() @ point
+            if geometry.medium_grid is not None:
+                if _in_box(geometry.medium_grid.corners, local):
+                    found.append((geometry, index, None))
+            elif local.length <= geometry.radius:
+                part = containment.nearest_around(tuple(local), [
+                    (part.arrays.positions, part.arrays.triangles)
+                    for part in geometry.parts if part.arrays is not None])
+                if part is not None and geometry.parts[part].shading.medium is not None:
+                    found.append((geometry, index, geometry.parts[part]))
+    return found
+
+
+def is_singular(matrix):
+    """Whether the matrix makes things flat, so that nothing of them has a volume."""
+    scale = [matrix.col[i].xyz.length for i in range(3)]
+    return abs(matrix.to_3x3().determinant()) <= 1e-9 * max(scale) ** 3
+
+
+def _in_box(corners, point):
+    return all(min(corner[i] for corner in corners) <= point[i]
+               <= max(corner[i] for corner in corners) for i in range(3))

@@ -1,0 +1,203 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Runs inside Blender: exports the scenes of scenes_findings.py, and checks their text and the
+report. Renders nothing. Prints FINDINGS_OK.
+
+blender -b --factory-startup --python findings_in_blender.py -- FOLDER [CASE ...]
+"""
+import os
+import re
+import sys
+
+import bpy
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import in_blender
+import scenes
+import scenes_findings
+from sheaf_blender import engine, operators
+from sheaf_blender.export import meshes as exporter_meshes
+
+FOLDER, *CHOSEN = sys.argv[sys.argv.index("--") + 1:]
+
+
+class Case:
+    """One exported scene: its text, and the lines of its report."""
+
+    def __init__(self, make, frames=None):
+        builder = scenes.Builder(FOLDER)
+        bpy.ops.preferences.addon_enable(module="sheaf_blender")
+        make(builder)
+        in_blender.use_sheaf(builder.scene, 16)
+        self.scene = builder.scene
+        pattern = os.path.join(FOLDER, make.__name__ + ".####.pbrt")
+        frames = frames or [self.scene.frame_current]
+        exported = operators.export_frames(self.scene, pattern, frames)
+        check(len(exported) == len(frames), f"{len(exported)} of {len(frames)} frames are exported")
+        self.texts = [open(one.path, encoding="utf-8").read() for one in exported]
+        self.text = self.texts[0]
+        self.lines = exported[0].report.lines()
+
+    def says(self, pattern):
+        check(any(re.search(pattern, line) for line in self.lines),
+              f"the report says /{pattern}/: {self.lines}")
+
+    def is_silent(self):
+        check(not self.lines, f"nothing is reported: {self.lines}")
+
+    def has(self, pattern, count=None):
+        found = re.findall(pattern, self.text, re.M)
+        check(found if count is None else len(found) == count,
+              f"/{pattern}/ stands {len(found)} times in the scene, not {count or 'once'}")
+
+
+def check(condition, message):
+    if not condition:
+        raise AssertionError(message)
+
+
+def test_camera_is_in_its_medium():
+    for make, name in ((scenes_findings.fog_around_camera, "Fog"),
+                       (scenes_findings.camera_under_water, "Water")):
+        case = Case(make)
+        case.has(f'^MediumInterface "" "{name}"\nCamera .*\nMediumInterface "" ""\nWorldBegin')
+        case.is_silent()
+
+
+def test_camera_outside_has_no_medium():
+    check("MediumInterface" not in Case(scenes_findings.volumes_of_one_name).text.split(
+        "WorldBegin")[0], "a camera outside of all volumes has no medium")
+
+
+def test_media_of_one_name_are_two():
+    def rename(b):
+        scenes_findings.volumes_of_one_name(b)
+        shared = list(bpy.data.materials)
+        library = "Fluid"
+        for material in shared:
+            if material.name.startswith("Fluid"):
+                material.name = library + material.name[5:6]
+    case = Case(rename)
+    case.has("^MakeNamedMedium", 2)
+    media = re.findall(r'"rgb sigma_s" (\[.*?\])', case.text)
+    check(len(set(media)) == 2, f"two media have two colors: {media}")
+
+
+def test_what_is_scaled_to_nothing_is_invisible():
+    case = Case(scenes_findings.scaled_to_nothing)
+    case.says('object "Flat": it is scaled to a plane')
+    case.has('"string name" "Ball"')
+    for name in ("Zero", "Flat", "Lamp"):
+        check(f'"string name" "{name}"' not in case.text, f"{name} is not written")
+
+
+def test_mirrored_parents_mirror_the_camera():
+    case = Case(scenes_findings.mirrored_camera)
+    matrix = [float(x) for x in re.search(r"^Transform \[(.*)\]", case.text, re.M)[1].split()]
+    check(matrix[0] == -1 and matrix[10] < 0, f"x alone is turned around: {matrix}")
+
+
+def test_uneven_motion_has_as_many_keys_as_it_needs():
+    for make, least in ((scenes_findings.spin, 9), (scenes_findings.acceleration, 3)):
+        case = Case(make)
+        files = re.findall(r'"string filename\d*" ', next(
+            line for line in case.text.splitlines()
+            if line.startswith("Shape") and ('"Blade"' in line or '"Fast"' in line)))
+        check(least <= len(files) <= 17, f"{make.__name__} has {len(files)} keys")
+        case.is_silent()
+
+
+def test_objects_without_blur_stand_still():
+    case = Case(scenes_findings.blur_off)
+    check("ActiveTransform" not in case.text and "filename1" not in case.text, "nothing moves")
+
+
+def test_zoom_is_a_motion_of_the_camera():
+    case = Case(scenes_findings.zoom)
+    case.has(r"^ActiveTransform EndTime\nTransform", 1)
+    case.is_silent()
+
+
+def test_lights_that_move_stand_still():
+    case = Case(scenes_findings.shining_mover)
+    case.says('object "Lamp": its motion while the shutter is open: it shines')
+    check("ActiveTransform" not in case.text, "nothing moves")
+
+
+def test_keyed_values_are_those_of_the_frame():
+    case = Case(scenes_findings.keyed, [1, 2, 3])
+    for pattern, expected in ((r'"rgb I" \[([\d.]+)', [7.96, 39.8, 71.6]),
+                              (r'"infinite" "rgb L" \[([\d.]+)', [0.1, 0.55, 1.0]),
+                              (r'"rgb reflectance" \[([\d.]+) 0.2', [0.7, 0.4, 0.1]),
+                              (r'screenwindow" \[-([\d.]+)', [0.6, 0.4, 0.3]),
+                              (r'pixelsamples" (\d+)', [4, 4, 12])):
+        found = [float(re.search(pattern, text)[1]) for text in case.texts]
+        check(all(abs(a - b) < 0.01 * b for a, b in zip(found, expected)), f"{pattern}: {found}")
+
+
+def test_rendered_animations_have_the_values_of_the_frame():
+    """`-a` does not write keyed values back to what users edit."""
+    builder = scenes.Builder(FOLDER)
+    bpy.ops.preferences.addon_enable(module="sheaf_blender")
+    scenes_findings.keyed(builder)
+    in_blender.use_sheaf(builder.scene, 16)
+    submitted = Case(scenes_findings.keyed, [1, 2, 3]).texts
+    builder.scene = bpy.context.scene
+    pattern = os.path.join(FOLDER, "animation.####.pbrt")
+    only = engine.ExportOnly.present = engine.ExportOnly(pattern)
+    try:
+        bpy.ops.render.render(animation=True)
+    finally:
+        engine.ExportOnly.present = None
+    texts = [open(one.path, encoding="utf-8").read() for one in only.exported]
+    check(texts == submitted, "an animation's scenes are those of Submit Frames")
+
+
+def test_other_layers_and_eyes_are_reported_where_one_is_written():
+    Case(scenes_findings.two_layers).says('view layers: "Second"')
+    Case(scenes_findings.two_eyes).says('stereoscopy: the views besides "left"')
+
+
+def test_exceptions_are_lines_of_the_report():
+    def fails(*_):
+        raise ArithmeticError("planted")
+    before, exporter_meshes.read_parts = exporter_meshes.read_parts, fails
+    try:
+        case = Case(scenes_findings.keyed)
+    finally:
+        exporter_meshes.read_parts = before
+    case.says('object "Ball": it cannot be exported: planted .ArithmeticError at')
+    case.has("^LightSource", 2)
+
+
+def test_add_on_without_preferences():
+    """`blender --addons sheaf_blender` makes none."""
+    bpy.ops.preferences.addon_enable(module="sheaf_blender")
+    entry = bpy.context.preferences.addons["sheaf_blender"]
+    bpy.context.preferences.addons.remove(entry)
+    try:
+        check(engine.preferences().http_port == 0, "they have their defaults")
+    finally:
+        bpy.ops.preferences.addon_enable(module="sheaf_blender")
+
+
+def main():
+    tests = {name[5:]: test for name, test in globals().items() if name.startswith("test_")}
+    failed = 0
+    for name, test in tests.items():
+        if CHOSEN and name not in CHOSEN:
+            continue
+        try:
+            test()
+            print(f"  ok: {name.replace('_', ' ')}", flush=True)
+        except AssertionError as failure:
+            failed += 1
+            print(f"  FAILED: {name.replace('_', ' ')}: {failure}", flush=True)
+    if failed:
+        sys.exit(1)
+    print("FINDINGS_OK")
+
+
+if __name__ == "__main__":
+    bpy.ops.preferences.addon_enable(module="sheaf_blender")
+    main()

@@ -1,0 +1,50 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Exports scenes after public reports from headless Blender, without rendering them
+(findings_in_blender.py). Skipped where there is no Blender.
+
+Run: findings_test.py [CASE ...]. tests/engines/blender/run.py renders the same scenes.
+"""
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+SECONDS_MAX = 600
+CHOSEN = []  # Cases; all if empty.
+
+
+def run_in_blender(script, *arguments):
+    """What a script prints inside Blender with the add-on, and its exit code."""
+    with tempfile.TemporaryDirectory(prefix="sheaf-blender-findings-") as folder:
+        addons = pathlib.Path(folder, "user", "addons")
+        addons.mkdir(parents=True)
+        shutil.copytree(ROOT / "blender" / "sheaf_blender", addons / "sheaf_blender")
+        environment = {
+            "BLENDER_USER_SCRIPTS": str(addons.parent), "PYTHONDONTWRITEBYTECODE": "1",
+            "SHEAF_BIN": folder, "SHEAF_TEST_CONTENT": f"{folder}/content", "HOME": folder,
+            "PATH": os.environ["PATH"]}
+        found = subprocess.run(
+            ["blender", "-b", "--factory-startup", "--python-exit-code", "3", "--python",
+             HERE / script, "--", folder, *arguments], env=environment, text=True, check=False,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=SECONDS_MAX)
+        return found.stdout, found.returncode
+
+
+@unittest.skipUnless(shutil.which("blender"), "there is no Blender; install blender "
+                     "and python3-openimageio")
+class FindingsTest(unittest.TestCase):
+    def test_findings(self):
+        said, code = run_in_blender("findings_in_blender.py", *CHOSEN)
+        self.assertTrue(code == 0 and "FINDINGS_OK" in said, said[-6000:])
+
+
+if __name__ == "__main__":
+    CHOSEN += sys.argv[1:]
+    unittest.main(argv=sys.argv[:1], verbosity=2)
