@@ -79,6 +79,7 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         return names if len(names) > 1 else [""]
 
     def _render_view(self, depsgraph, view):
+        self._layer = depsgraph.view_layer_eval
         if view:
             self.active_view_set(view)
         folder = tempfile.mkdtemp(prefix="sheaf-blender-")
@@ -102,7 +103,8 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         exported = export_scene(depsgraph, path, content_folder(), self._settings(scene),
                                 lambda frame, subframe: self.frame_set(frame, subframe),
                                 ViewCamera(self, scene, view))
-        passes.left_out(scene, depsgraph.view_layer_eval, exported.report)
+        passes.left_out(scene, depsgraph.view_layer_eval, exported.report,
+                        ExportOnly.present is not None or exported.sky.kind == "spherical")
         if ExportOnly.present is not None:
             _note_one_image(depsgraph.scene, depsgraph.view_layer_eval, view,
                             exported.report)
@@ -128,13 +130,12 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         if render.use_border:
             window = frame_size.window_of((render.border_min_x, render.border_max_x,
                                            render.border_min_y, render.border_max_y), *size)
-        return Settings(*size, own.samples, own.max_depth, own.seed, own.filter_type,
-                        own.filter_width, window)
+        return Settings(*size, samples_of(scene, self._layer), own.max_depth, own.seed,
+                        own.filter_type, own.filter_width, window)
 
     def _render(self, depsgraph, exported, folder, view):
         scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-        job = start_job(scene, exported.path, os.path.join(folder, "image.exr"),
-                        passes.options(scene, view_layer))
+        job = start_job(scene, view_layer, exported.path, os.path.join(folder, "image.exr"))
         settings = self._settings(scene)
         window = settings.window
         size = ((window[1] - window[0], window[3] - window[2]) if window
@@ -158,7 +159,11 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         cosines = (passes.depth_cosines(exported.view_window, (settings.width, settings.height),
                                         window) if exported.view_window else None)
         layers = images.read_layers(job.output)
-        self._show(passes.arrays(layers, scene, view_layer, cosines), size, place)
+        arrays = passes.arrays(layers, scene, view_layer, cosines)
+        if passes.hides_sky(scene, view_layer):
+            sky = exported.sky.radiance((settings.width, settings.height), window)
+            passes.take_out_sky(arrays["Combined"], layers.channels["A"], sky)
+        self._show(arrays, size, place)
         for field, value in passes.matte_metadata(layers.metadata, view_layer.name):
             self.get_result().stamp_data_add_field(field, value)
 
@@ -246,10 +251,19 @@ def content_folder():
         tempfile.gettempdir(), f"sheaf-blender-content-{os.getuid()}")
 
 
-def job_options(scene):
+def samples_of(scene, view_layer):
+    """Those of the layer, if it has its own and the scene uses them."""
+    used = getattr(getattr(scene, "cycles", None), "use_layer_samples", "USE")
+    own = scene.sheaf.samples
+    if view_layer.samples <= 0 or used == "IGNORE":
+        return own
+    return min(own, view_layer.samples) if used == "BOUNDED" else view_layer.samples
+
+
+def job_options(scene, view_layer):
     """Options of `sheaf` that hold for one frame and for many."""
     own = scene.sheaf
-    found = ["--samples", str(own.samples)] if own.stop == "SAMPLES" else []
+    found = (["--samples", str(samples_of(scene, view_layer))] if own.stop == "SAMPLES" else [])
     if own.stop == "ERROR":
         found = ["--target-error", f"{own.target_error:.6g}"]
     if own.techniques != "default":
@@ -257,11 +271,12 @@ def job_options(scene):
     return found + own.more_options.split()
 
 
-def start_job(scene, path, output, pass_options):
+def start_job(scene, view_layer, path, output):
     own, chosen = scene.sheaf, preferences()
     sheaf = program.find_program(bpy.path.abspath(chosen.program_folder))
     title = f"{bpy.path.basename(bpy.data.filepath) or 'untitled.blend'} {scene.frame_current}"
-    arguments = (sheaf, path, output, [*job_options(scene), *pass_options], title)
+    arguments = (sheaf, path, output, [*job_options(scene, view_layer),
+                                        *passes.options(scene, view_layer)], title)
     if own.where == "FARM":
         return jobs.FarmRender(*arguments, address=own.address or chosen.address,
                                insecure=chosen.insecure, http_port=chosen.http_port)

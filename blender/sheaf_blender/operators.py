@@ -67,7 +67,8 @@ class SubmitFrames(_SheafOperator):
         title = bpy.path.basename(bpy.data.filepath) or "untitled.blend"
         job, notes = jobs.submit_frames(
             sheaf, pattern, text,
-            [*engine.job_options(scene), *passes.options(scene, context.view_layer)], title,
+            [*engine.job_options(scene, context.view_layer),
+             *passes.options(scene, context.view_layer)], title,
             address, insecure)
         for note in notes:
             print("Sheaf:", note)

@@ -72,10 +72,31 @@ def options(scene, view_layer):
             + (["--light-paths"] if scene.sheaf.pass_light_paths else []))
 
 
-def left_out(scene, view_layer, report):
-    """Reports the passes that Sheaf does not have."""
-    if scene.render.film_transparent:
-        report.approximated("film", "Transparent: alpha is right, the color includes the world")
+def hides_sky(scene, view_layer):
+    """Whether the camera sees the lit scene without the sky behind it."""
+    visible = getattr(scene.world, "cycles_visibility", None)
+    return view_layer.use_sky and scene.world is not None and (
+        scene.render.film_transparent or not getattr(visible, "camera", True))
+
+
+def take_out_sky(combined, alpha, sky):
+    """Takes the sky out of colors. combined: (height, width, 4), changed; alpha: the part of each
+    pixel that the scene covers; sky: (height, width, 3), or None to change nothing.
+    """
+    if sky is None:
+        return
+    combined[..., :3] -= (1 - alpha[..., None]) * sky
+    combined[..., :3][alpha <= 0] = 0
+    numpy.maximum(combined[..., :3], 0, out=combined[..., :3])
+
+
+def left_out(scene, view_layer, report, keeps_sky):
+    """Reports the passes that Sheaf does not have. keeps_sky: whether nothing takes a hidden sky
+    out of the image.
+    """
+    if keeps_sky and hides_sky(scene, view_layer):
+        report.approximated("film", "Transparent, or a world that the camera does not see: the "
+                                    "color includes the world; F12 takes it out")
     item = f'view layer "{view_layer.name}"'
     for name in _UNKNOWN:
         if getattr(view_layer, f"use_pass_{name}", False):

@@ -9,6 +9,7 @@ import mathutils
 # Blender's camera looks along -z, that of the format along z.
 _TURN = mathutils.Matrix.Diagonal((1, 1, -1, 1))
 LENS_RADIUS_MIN = 1e-6
+SHUTTER_POINTS = 33
 SHEAR_MIN = 1e-4  # Of the cosines between the axes of a camera below sheared parents.
 
 
@@ -80,7 +81,7 @@ def kind_of(camera):
     return {"PANO": "spherical", "ORTHO": "orthographic"}.get(camera.type, "perspective")
 
 
-def parameters(camera_object, one, shutter, report):
+def parameters(camera_object, scene, one, shutter, report):
     """Parameters of the directive Camera. one: its State; shutter: (open, close) or None."""
     camera = camera_object.data
     item = f'camera "{camera_object.name}"'
@@ -94,7 +95,21 @@ def parameters(camera_object, one, shutter, report):
         found.update(_lens_parameters(camera.dof, one, item, report))
     if shutter is not None:
         found["float shutteropen"], found["float shutterclose"] = shutter
+        shape = _shutter_shape(scene.render.motion_blur_shutter_curve)
+        if shape:
+            found["float shuttershape"] = shape
     return found
+
+
+def _shutter_shape(mapping):
+    """Pairs of time and openness; () for a shutter that is always open."""
+    mapping.initialize()
+    curve = mapping.curves[0]
+    openness = [max(0.0, mapping.evaluate(curve, i / (SHUTTER_POINTS - 1)))
+                for i in range(SHUTTER_POINTS)]
+    if min(openness) > 0.999 * max(openness) or max(openness) <= 0:
+        return ()
+    return tuple(x for i, y in enumerate(openness) for x in (i / (SHUTTER_POINTS - 1), float(y)))
 
 
 def _window(camera, scene, shift_x):

@@ -18,7 +18,7 @@ class Part:
     """Triangles of one material."""
     shading: shaders.Shading
     file: str
-    arrays: object = None        # MeshArrays, if the mesh may move or holds a medium.
+    arrays: object = None        # MeshArrays.
     later_files: list = dataclasses.field(default_factory=list)  # The mesh at later keys.
 
 
@@ -62,6 +62,7 @@ class Collector:
     """
 
     def __init__(self, depsgraph, content, images, report, has_motion):
+        self._layer = depsgraph.view_layer_eval
         self._depsgraph, self._content = depsgraph, content
         self._images, self._report, self._has_motion = images, report, has_motion
         self.geometries = {}
@@ -84,9 +85,11 @@ class Collector:
                     instance_object.name, instance_object.data, instance.matrix_world.copy(),
                     hidden_rays(instance_object), motion_key(instance, instance_object)))
             return
-        if instance.show_self and kind not in UNRENDERED_TYPES:
+        is_drawn = self._layer.use_volumes if kind == "VOLUME" else self._layer.use_solid
+        if instance.show_self and kind not in UNRENDERED_TYPES and is_drawn:
             self._add(instance, instance_object, kind)
-        if instance.show_particles and instance_object.particle_systems:
+        if (instance.show_particles and instance_object.particle_systems
+                and self._layer.use_strand):
             self._add_hair(instance, instance_object)
 
     def _add(self, instance, instance_object, kind):
@@ -181,14 +184,32 @@ class Collector:
         source = None if may_deform else arrays.source
         path = self._content.put(ply.ply_chunks(arrays.positions, arrays.triangles, arrays.normals,
                                                 arrays.uvs), ".ply", source)
-        return Part(shading, path,
-                    arrays if self._has_motion or shading.medium is not None else None)
+        return Part(shading, path, arrays)
 
     def shading_of(self, material):
+        if self._layer.material_override is not None:
+            material = self._layer.material_override
+        return self._shading(material)
+
+    def _shading(self, material):
         key = material.name_full if material else None
         if key not in self._shadings:
-            self._shadings[key] = shaders.read_material(material, self._report, self._images)
+            found = shaders.PINK
+            name = material.name if material else "default"
+            with self._report.guard(f'material "{name}"'):
+                found = shaders.read_material(material, self._report, self._images)
+                if not self._layer.use_volumes:
+                    found = dataclasses.replace(found, medium=None)
+            self._shadings[key] = found
         return self._shadings[key]
+
+    def has_fog(self):
+        """Whether anything that was read scatters light inside."""
+        return any(shading.medium is not None and max(shading.medium.scattering) > 0
+                   for shading in self._shadings.values())
+
+    def has_volumes(self):
+        return any(geometry.medium_grid is not None for geometry in self.geometries.values())
 
     # Hair.
 
@@ -232,7 +253,7 @@ class Collector:
         volume.grids.load()
         path = bpy.path.abspath(volume.grids.frame_filepath or volume.filepath)
         slots = instance_object.material_slots
-        shading = self.shading_of(slots[0].material if len(slots) else None)
+        shading = self._shading(slots[0].material if len(slots) else None)
         if not path or shading.medium is None:
             self._report.left_out(item, "a volume without a file or without a volume shader")
             return None

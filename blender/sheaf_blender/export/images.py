@@ -104,7 +104,8 @@ class Images:
         # Blender scales floats by alpha when it loads them, and bytes not.
         if not is_data and image.alpha_mode in ("STRAIGHT", "PREMUL") and not wants_alpha:
             if image.is_float:
-                alpha = "divide" if is_alpha_used else "keep"
+                alpha = ("divide" if is_alpha_used else
+                         "encode" if space in _SRGB_SPACES else "keep")
             else:
                 alpha = "keep" if is_alpha_used else "multiply"
         if alpha != "keep" and not tiles:

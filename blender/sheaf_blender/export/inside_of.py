@@ -34,6 +34,14 @@ def is_singular(matrix):
     return abs(matrix.to_3x3().determinant()) <= 1e-9 * max(scale) ** 3
 
 
+def is_plane(matrix):
+    """Whether a singular matrix leaves an area."""
+    lengths = sorted(matrix.col[i].xyz.length for i in range(3))
+    sides = [matrix.col[i].xyz.cross(matrix.col[j].xyz).length
+             for i, j in ((0, 1), (0, 2), (1, 2))]
+    return max(sides) > 1e-9 * lengths[2] ** 2
+
+
 def _in_box(corners, point):
     return all(min(corner[i] for corner in corners) <= point[i]
                <= max(corner[i] for corner in corners) for i in range(3))

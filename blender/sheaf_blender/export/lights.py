@@ -7,7 +7,7 @@ import bpy
 import mathutils
 
 from ..scene import units, values
-from . import node_links
+from . import node_links, settings
 from .images import write_pixels
 from .node_values import NodeValues
 
@@ -15,9 +15,9 @@ SIZE_MIN_M = 1e-5           # A light of less is a point.
 SUN_DISTANCE_SCENES = 1000  # Distance of a sun's disk, in radii of the scene.
 
 
-def color_of(light, report, images):
-    """Color times the strength of the light's nodes; energy is not in it."""
-    color = tuple(light.color)
+def color_of(light, exposure, report, images):
+    """Color times the strength of the light's nodes and the exposure; energy is not in it."""
+    color = tuple(exposure * c for c in light.color)
     if getattr(light, "use_temperature", False):
         color = tuple(c * t for c, t in zip(color, units.blackbody_rgb(light.temperature)))
     if not light.use_nodes or light.node_tree is None:
@@ -58,6 +58,8 @@ def write_light(text, place, color, scene_sphere, content, report):
     if light.type == "SUN":
         shape = _sun(text, light, matrix, color, scene_sphere)
     elif light.type == "SPOT":
+        if bpy.app.version < (3, 5, 0):  # Since then its scale makes the cone elliptic.
+            matrix = _unscaled(matrix)
         write_transform(text, matrix, None)
         _spot(text, light, color, content, item, report)
     else:
@@ -75,6 +77,13 @@ def _unflattened(matrix):
     return mathutils.Matrix.LocRotScale(location, rotation, [x or 1.0 for x in scale])
 
 
+def _unscaled(matrix):
+    location, rotation, scale = matrix.decompose()
+    if max(abs(x - 1) for x in scale) < 1e-5:
+        return matrix
+    return mathutils.Matrix.LocRotScale(location, rotation, None)
+
+
 def write_transform(text, matrix, motion):
     if motion is None:
         text.transform("ConcatTransform", matrix)
@@ -86,13 +95,11 @@ def write_transform(text, matrix, motion):
 
 
 def report_common(light, item, report):
+    settings.note_light(light, item, report)
     if not getattr(light, "use_shadow", True) or not _cycles(light, "cast_shadow", True):
         report.left_out(item, "a light without shadows")
     if _cycles(light, "is_portal", False):
         report.left_out(item, "a portal")
-    for name in ("diffuse_factor", "specular_factor", "volume_factor"):
-        if abs(getattr(light, name, 1.0) - 1) > 1e-3:
-            report.left_out(item, f"{name} {getattr(light, name):.2f}")
 
 
 def _cycles(light, name, usual):
@@ -196,8 +203,6 @@ def _area(text, light, matrix, color, item, report):
         report.left_out(item, "an area light without area")
         return None
     radiance = units.area_radiance(light.energy, surface, bpy.app.version >= (4, 0, 0))
-    if abs(getattr(light, "spread", math.pi) - math.pi) > 1e-3:
-        report.left_out(item, "Spread")
     text.directive("AreaLightSource", "diffuse", {"rgb L": _scaled(color, radiance)})
     # It shines along -z.
     text.raw(f"Scale {0.5 * x:.9g} {-0.5 * y:.9g} -1")

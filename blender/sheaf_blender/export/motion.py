@@ -198,6 +198,9 @@ def baked_files(content, part, matrices, deformed):
         positions, normals = deformed[i] if deformed else (arrays.positions, arrays.normals)
         rows = numpy.array(matrix, numpy.float64)
         placed = positions.astype(numpy.float64) @ rows[:3, :3].T + rows[:3, 3]
+        is_flat = abs(numpy.linalg.det(rows[:3, :3])) <= 1e-9 * numpy.abs(rows[:3, :3]).max() ** 3
+        if is_flat:
+            normals = None
         if normals is not None:
             normals = normals @ numpy.linalg.inv(rows[:3, :3])
             normals /= numpy.maximum(numpy.linalg.norm(normals, axis=1, keepdims=True), 1e-30)

@@ -6,6 +6,7 @@ from ..scene.closures import PINK
 from . import node_links
 
 RAMP_SAMPLES = 257
+CURVE_SAMPLES = 257
 _WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "black", "MIRROR": "repeat"}
 _FACTOR_BLENDS = pixel_ops.BLENDS
 
@@ -25,12 +26,16 @@ class NodeValues:
         if place is None:
             return _default(own.socket, usual)
         reader = _READERS.get(place.node.type)
-        value = reader(self, place, output) if reader else None
+        value = (reader(self, place, output) if reader else self.read_other(place, output))
         if value is None:
             self._report.left_out(self.item, f'node "{place.node.name}" ({place.node.bl_label}) '
                                              f'behind "{wanted.socket.name}"; a constant is used')
             return _default(wanted.socket, usual)
         return value
+
+    def read_other(self, place, output):
+        """The value of a node that materials do not have; None if it has no counterpart."""
+        return None
 
     def number(self, wanted, usual=0.0):
         """A constant; a texture is replaced by its mean, and reported."""
@@ -189,6 +194,25 @@ class NodeValues:
             (("Hue",), 0.5), (("Saturation",), 1.0), (("Value",), 1.0), (("Fac", "Factor"), 1.0))]
         return self.one_color(place, "hue_saturation", *numbers)
 
+    def rgb_curves(self, place, _):
+        mapping = place.node.mapping
+        mapping.initialize()
+        points = [point.location.x for curve in mapping.curves for point in curve.points]
+        low, high = min(0.0, *points), max(1.0, *points)
+        steps = [low + (high - low) * i / (CURVE_SAMPLES - 1) for i in range(CURVE_SAMPLES)]
+        combined = [mapping.evaluate(mapping.curves[3], x) for x in steps]
+        tables = tuple(tuple(mapping.evaluate(mapping.curves[i], x) for x in combined)
+                       for i in range(3))
+        return self.one_color(place, "curves", tables, low, high,
+                              mapping.extend == "EXTRAPOLATED",
+                              self.number(node_links.input_of(place, "Fac", "Factor"), 1.0))
+
+    def light_path(self, place, output):
+        """Surfaces have one value for all rays: that of those that scatter."""
+        self._report.approximated(self.item, f'Light Path > {output.name}: the value for rays that '
+                                             "the camera or a surface sends is used for all")
+        return 1.0 if output.name == "Is Camera Ray" else 0.0
+
     def to_gray(self, place, _):
         return values.gray(self.place_input(place, "Color"))
 
@@ -245,5 +269,6 @@ _READERS = {
     "RGBTOBW": NodeValues.to_gray, "SEPARATE_COLOR": NodeValues.separate,
     "SEPRGB": NodeValues.separate, "COMBINE_COLOR": NodeValues.combine,
     "COMBRGB": NodeValues.combine, "MAP_RANGE": NodeValues.map_range, "CLAMP": NodeValues.clamp,
-    "BLACKBODY": NodeValues.blackbody,
+    "BLACKBODY": NodeValues.blackbody, "CURVE_RGB": NodeValues.rgb_curves,
+    "LIGHT_PATH": NodeValues.light_path,
 }

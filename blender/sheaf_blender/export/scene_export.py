@@ -7,6 +7,8 @@ import os
 import shutil
 import time
 
+import numpy
+
 from ..scene import materials
 from ..scene.content import ContentFolder
 from ..scene.report import Report
@@ -14,6 +16,7 @@ from ..scene.text import SceneText
 from . import camera, inside_of, lights, motion, world
 from .collector import Collector
 from .images import Images
+from .settings import note_all as note_settings
 from .scene_writer import SceneWriter, sphere_of
 
 CAMERA_UNEVEN_MAX = 1e-3  # Of the elements of its matrix, from those of its even motion.
@@ -24,10 +27,36 @@ class Exported:
     path: str
     report: Report
     view_window: tuple  # Edges of the film at distance 1; empty unless perspective.
+    sky: object         # A Sky, to take it out of the image.
     seconds: float
     cpu_seconds: float
     files_written: int
     files_kept: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Sky:
+    """The sky as the camera sees it. world_from_camera: of a camera that looks along z."""
+    background: world.Background
+    world_from_camera: object
+    window: tuple
+    kind: str
+
+    def radiance(self, size, crop):
+        """(height, width, 3) at the centers of the pixels, rows from the top; None for panoramas.
+        crop: x0, x1, y0, y1 or ().
+        """
+        if self.kind == "spherical":
+            return None
+        x0, x1, y0, y1 = crop or (0, size[0], 0, size[1])
+        left, right, bottom, top = self.window
+        x = left + (right - left) * (numpy.arange(x0, x1) + 0.5) / size[0]
+        y = top + (bottom - top) * (numpy.arange(y0, y1) + 0.5) / size[1]
+        x, y = numpy.meshgrid(x, y)
+        if self.kind == "orthographic":
+            x, y = 0 * x, 0 * y
+        turn = numpy.array(self.world_from_camera.to_3x3())
+        return self.background.radiance(numpy.stack([x, y, 0 * x + 1], axis=-1) @ turn.T)
 
 
 @dataclasses.dataclass
@@ -52,7 +81,7 @@ def export_scene(depsgraph, path, content_root, settings, set_frame, view):
     report = Report()
     content = ContentFolder(content_root)
     header, body = io.StringIO(), io.StringIO()
-    view_window = _write_scene(depsgraph, header, body, content, report, settings, set_frame, view)
+    window, sky = _write_scene(depsgraph, header, body, content, report, settings, set_frame, view)
     temporary = f"{path}.{os.getpid()}.partial"
     with open(temporary, "w", encoding="utf-8") as file:
         for part in (header, body):
@@ -61,34 +90,39 @@ def export_scene(depsgraph, path, content_root, settings, set_frame, view):
     os.replace(temporary, path)
     if content.written:
         content.prune()
-    return Exported(path, report, view_window, time.monotonic() - start,
+    return Exported(path, report, window, sky, time.monotonic() - start,
                     time.thread_time() - cpu_start, content.written, content.kept)
 
 
 def _write_scene(depsgraph, header, body, content, report, settings, set_frame, view):
-    """Returns Exported.view_window. All values are those at the frame; only what moves is read at
-    other times.
+    """Returns Exported.view_window and sky. All values are those at the frame; only what moves is
+    read at other times.
     """
     scene = depsgraph.scene_eval
+    exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
     if view.object is None:
         raise ValueError("the scene has no camera; add one (Add > Camera)")
     images = Images(content, report)
-    shutter = camera.shutter_of(scene)
+    shutter = (camera.shutter_of(scene) if depsgraph.view_layer_eval.use_motion_blur else None)
     collector = Collector(depsgraph, content, images, report, shutter is not None)
     collector.collect()
     camera_object = view.object.evaluated_get(depsgraph)
     kind = camera.kind_of(camera_object.data)
     states = [camera.state(view, depsgraph, scene)]
-    camera_parameters = camera.parameters(camera_object, states[0], shutter, report)
+    camera_parameters = camera.parameters(camera_object, scene, states[0], shutter, report)
     text = SceneText(body)
     writer = SceneWriter(text, materials.TextureTable(text, images.file_of), images, content,
-                         report)
+                         exposure, report)
     text.raw("WorldBegin")
     geometries = list(collector.geometries.values())
     view_now = camera.views_of(states, kind)[0]
     for place in collector.lights:
         place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
-    _write_lights(text, scene, collector.lights, sphere_of(geometries), images, content, report)
+    sphere = sphere_of(geometries)
+    with report.guard("settings"):
+        note_settings(depsgraph, camera_object, collector, sphere, report)
+    background = _write_sky(text, depsgraph, exposure, images, content, report)
+    _write_lights(text, collector.lights, exposure, sphere, images, content, report)
     moved = None
     if shutter is not None:
         moved = _read_motion(depsgraph, collector, states, kind, settings, set_frame, shutter, view)
@@ -101,16 +135,27 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     options = SceneText(header)
     _write_options(options, settings, shutter)
     _write_camera(options, camera.views_of(states, kind), kind, camera_parameters, medium)
-    return states[0].window if kind == "perspective" else ()
+    return (states[0].window if kind == "perspective" else (),
+            Sky(background, camera.camera_from_world(states[0].matrix).inverted_safe(),
+                states[0].window, kind))
 
 
-def _write_lights(text, scene, places, sphere, images, content, report):
-    world_item = f'world "{scene.world.name}"' if scene.world else "world"
-    with report.guard(world_item), text.whole():
-        world.write_world(text, scene.world, images, content, report)
+def _write_sky(text, depsgraph, exposure, images, content, report):
+    """The world of the layer; returns its world.Background."""
+    layer = depsgraph.view_layer_eval
+    chosen = getattr(layer, "world_override", None) or depsgraph.scene_eval.world
+    background = world.Background()
+    if layer.use_sky and chosen is not None:
+        with report.guard(f'world "{chosen.name}"'), text.whole():
+            background = world.write_world(text, depsgraph.scene, chosen, exposure, images,
+                                           content, report)
+    return background
+
+
+def _write_lights(text, places, exposure, sphere, images, content, report):
     for place in places:
         with report.guard(f'light "{place.name}"'), text.whole():
-            color = lights.color_of(place.light, report, images)
+            color = lights.color_of(place.light, exposure, report, images)
             lights.write_light(text, place, color, sphere, content, report)
 
 

@@ -17,10 +17,10 @@ _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
 class SceneWriter:
     """Writes shapes, instances and media, with the names of Blender's objects for mattes."""
 
-    def __init__(self, text, textures, images, content, report):
+    def __init__(self, text, textures, images, content, exposure, report):
         self._text = text
         self._textures, self._images, self._report = textures, images, report
-        self._content = content
+        self._content, self._exposure = content, exposure
         self._materials = materials.MaterialTable(text, textures)
         self._media = {}    # By medium: two materials of one name may differ.
         self._prepared = {}
@@ -37,7 +37,7 @@ class SceneWriter:
                 self._write_geometry(geometry, names, moved)
 
     def _write_geometry(self, geometry, names, moved):
-        self._note_flat(geometry)
+        self._write_flat_ones(geometry, names)
         if geometry.medium_grid is not None:
             self._write_grids(geometry)
         elif len(geometry.matrices) == 1 or any(map(self._emits, geometry.parts)):
@@ -46,17 +46,30 @@ class SceneWriter:
         elif geometry.matrices:
             self._write_instances(geometry, names, moved)
 
-    def _note_flat(self, geometry):
-        """Drops the places at which nothing is seen, and those that cannot be written."""
+    def _write_flat_ones(self, geometry, names):
+        """Writes and drops the places at which the object is scaled to a plane, as a mesh in the
+        world; drops those at which it is scaled to nothing.
+        """
         for i in reversed(range(len(geometry.matrices))):
             matrix = geometry.matrices[i]
             if matrix is None or not inside_of.is_singular(matrix):
                 continue
-            if sorted(matrix.col[axis].xyz.length for axis in range(3))[1] > 0:
-                self._report.left_out(f'object "{geometry.object_names[i]}"',
-                                      "it is scaled to a plane or line; it is invisible")
+            if inside_of.is_plane(matrix):
+                self._write_flat(geometry, names, i)
             for values_of in (geometry.matrices, geometry.object_names, geometry.keys):
                 del values_of[i]
+
+    def _write_flat(self, geometry, names, index):
+        item = f'object "{geometry.object_names[index]}"'
+        if geometry.strands or geometry.medium_grid is not None:
+            self._report.left_out(item, "it is scaled to a plane; it is invisible")
+            return
+        parts = []
+        for part in geometry.parts:
+            file, = motion.baked_files(self._content, part, [geometry.matrices[index]], None)
+            parts.append(dataclasses.replace(part, file=file, later_files=[]))
+        self._write_shapes(dataclasses.replace(geometry, parts=parts),
+                           [(material, "") for material, _ in names], geometry.object_names[index])
 
     def write_camera_medium(self, found, camera_name):
         """The name of the medium around the camera; empty for none. found: see inside_of."""
@@ -105,7 +118,7 @@ class SceneWriter:
             while name in self._media.values():
                 name += "'"
             self._text.directive("MakeNamedMedium", name, {
-                "string type": "homogeneous", **_coefficients(medium, 1.0)})
+                "string type": "homogeneous", **_coefficients(medium, 1.0, self._exposure)})
             self._media[medium] = name
         return self._media[medium]
 
@@ -195,7 +208,8 @@ class SceneWriter:
             mean = [self._images.mean(values.apply(emission, "channel", i)) for i in range(3)]
             emission = tuple(mean)
         self._text.directive("AreaLightSource", "diffuse", {
-            "rgb L": tuple(max(0.0, c) for c in values.color(emission)), "bool twosided": True})
+            "rgb L": tuple(max(0.0, self._exposure * c) for c in values.color(emission)),
+            "bool twosided": True})
 
     def _write_instances(self, geometry, names, moved):
         text = self._text
@@ -234,9 +248,9 @@ class SceneWriter:
             text.directive("AttributeBegin")
             text.transform("ConcatTransform", matrix)
             parameters = {"string type": "openvdb", "string filename": grid.path,
-                          **_coefficients(medium, 1 / (scale or 1.0))}
+                          **_coefficients(medium, 1 / (scale or 1.0), self._exposure)}
             if medium.blackbody > 0:
-                parameters["float LeScale"] = medium.blackbody
+                parameters["float LeScale"] = medium.blackbody * self._exposure
             text.directive("MakeNamedMedium", name, parameters)
             text.raw(f'MediumInterface "{_plain(name)}" ""')
             text.directive("Material", "interface")
@@ -253,12 +267,12 @@ def _grid_name(geometry, index):
     return f"{geometry.name} {index + 1}"
 
 
-def _coefficients(medium, scale):
+def _coefficients(medium, scale, exposure):
     found = {"rgb sigma_a": medium.absorption, "rgb sigma_s": medium.scattering,
              "float scale": float(scale),
              "float g": min(max(medium.anisotropy, -0.99), 0.99)}
     if max(medium.emission) > 0:
-        found["rgb Le"] = medium.emission
+        found["rgb Le"] = tuple(exposure * x for x in medium.emission)
     return found
 
 

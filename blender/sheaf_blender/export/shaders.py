@@ -5,7 +5,7 @@ import dataclasses
 
 from ..scene import closures, materials, principled, values
 from ..scene.closures import BLACK, Closure
-from . import node_links, principled_node
+from . import node_links, principled_node, settings
 from .node_values import NodeValues
 
 
@@ -31,6 +31,9 @@ class Shading:
     has_texture: bool = False  # Whether it uses the uv of the mesh.
 
 
+PINK = Shading("cannot be read", Closure(materials.diffuse(closures.PINK)))
+
+
 def read_material(material, report, images):
     """The Shading of a Blender material, which may be None."""
     if material is None:
@@ -48,7 +51,10 @@ def read_material(material, report, images):
     closure = reader.surface(surface) if has_surface else closures.EMPTY
     medium = reader.medium(volume)
     displacement = node_links.input_of(place, "Displacement")
+    is_displaced = settings.note_material(material, report)
     if node_links.source(displacement)[0] is not None:
+        if is_displaced:
+            report.approximated(item, "displacement is rendered as bumps")
         bump = reader.displacement(displacement)
         if bump is not None:
             closure = dataclasses.replace(
@@ -267,7 +273,6 @@ class ShaderReader:
         if place.node.type != "DISPLACEMENT":
             self.report.left_out(self.item, f'displacement by "{place.node.name}"')
             return None
-        self.report.approximated(self.item, "displacement is rendered as bumps")
         height = values.gray(self.value(place, "Height"))
         return _scaled(height, self.number(place, "Scale", usual=1.0))
 

@@ -1,98 +1,224 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The world: a color, or an environment texture as an equal-area map."""
-import math
+"""The world: a color, an environment texture as an equal-area map, or, for other trees, the map
+that Cycles makes of it.
+"""
+import dataclasses
 
 import mathutils
 import numpy
 
 from ..scene import sphere_map, values
-from . import node_links
+from ..scene.closures import PINK
+from ..scene.report import Report
+from . import node_links, world_bake
 from .images import write_pixels
 from .node_values import NodeValues
 
 BLACK = (0.0, 0.0, 0.0)
+UNIFORM_ERROR_MAX = 1e-4  # Of the lengths of axes that are scaled alike.
 
 
-def write_world(text, world, images, content, report):
+@dataclasses.dataclass(frozen=True)
+class Background:
+    """The radiance of the sky: a color, or pixels of a map (rows from the bottom) that is looked up
+    by the affine map of directions, times a factor.
+    """
+    color: tuple = BLACK
+    pixels: object = None
+    lookup: object = None      # A 4x4 matrix.
+    projection: str = "EQUIRECTANGULAR"
+    factor: float = 1.0
+
+    def radiance(self, directions):
+        """The radiance from directions (..., 3)."""
+        if self.pixels is None:
+            return numpy.broadcast_to(numpy.float32(self.color), directions.shape)
+        found = sphere_map.look_up(self.pixels, directions, numpy.array(self.lookup),
+                                   self.projection)
+        return self.factor * found
+
+
+def write_world(text, scene, world, exposure, images, content, report):
+    """Writes the world; returns its Background."""
     if world is None:
-        return
+        return Background()
     item = f'world "{world.name}"'
     if not world.use_nodes or world.node_tree is None:
-        _constant(text, tuple(world.color))
-        return
+        return _constant(text, tuple(exposure * c for c in world.color))
     output = node_links.output_node(world.node_tree)
     if output is None:
-        return
+        return Background()
     place = node_links.Place(output)
     if node_links.source(node_links.input_of(place, "Volume"))[0] is not None:
         report.left_out(item, "the Volume of the world; put a large box with that volume around "
                               "the scene")
-    shader = node_links.source(node_links.input_of(place, "Surface"))[0]
-    if shader is None:
-        return
-    if shader.node.type == "MIX_SHADER":
-        report.left_out(item, f'"{shader.node.name}"; its second shader is used')
-        shader = node_links.source(node_links.Input(shader.node.inputs[2], shader.groups))[0]
-    if shader is None or shader.node.type not in ("BACKGROUND", "EMISSION"):
-        report.left_out(item, "its shader, which is not a Background; the world is black")
-        return
-    reader = NodeValues(item, report, images)
-    strength = reader.number(node_links.input_of(shader, "Strength"), 1.0)
-    wanted = node_links.input_of(shader, "Color")
-    environment, _, _ = node_links.source(wanted)
-    if environment is not None and environment.node.type == "TEX_ENVIRONMENT":
-        _map(text, environment, strength, images, content, item, report)
-        return
-    color = reader.read(wanted)
-    if not values.is_constant(color):
-        report.left_out(item, "a texture that is no Environment Texture; its mean is used")
-        color = images.mean(color)
-    _constant(text, tuple(strength * c for c in values.color(color)))
+    surface = node_links.input_of(place, "Surface")
+    if node_links.source(surface)[0] is None:
+        return Background()
+    tried = Report()  # A tree that cannot be read without loss is rendered by Cycles.
+    reader = _WorldValues(item, tried, images)
+    value = reader.shader(surface)
+    if value is not None and all("pink" in entry.text for entry in tried.entries):
+        report.include(tried)
+        if values.is_constant(value):
+            return _constant(text, tuple(exposure * c for c in values.color(value)))
+        pixels = images.pixels(value) if isinstance(value, values.ImageValue) else None
+        if pixels is not None and reader.lookup is not None:
+            return _map(text, Background(BLACK, pixels, reader.lookup, reader.projection,
+                                         reader.strength * exposure), content)
+    if any(node.type == "LIGHT_PATH" for node in world.node_tree.nodes):
+        report.approximated(item, "Light Path: the world that the camera sees lights everything")
+    try:
+        pixels = world_bake.bake(world, scene)
+    except world_bake.BakeError as error:
+        report.include(tried)
+        report.left_out(item, f"its nodes, which cannot be rendered: {error}; the world is even")
+        mean = value if value is not None else (0.5, 0.5, 0.5)
+        gray = images.mean(mean) if not values.is_constant(mean) else mean
+        return _constant(text, tuple(exposure * c for c in values.color(gray)))
+    return _map(text, Background(BLACK, pixels, mathutils.Matrix.Identity(4), "EQUIRECTANGULAR",
+                                 exposure), content)
 
 
 def _constant(text, radiance):
+    radiance = tuple(max(0.0, c) for c in radiance)
     if max(radiance) > 0:
-        text.directive("LightSource", "infinite", {"rgb L": tuple(max(0.0, c) for c in radiance)})
+        text.directive("LightSource", "infinite", {"rgb L": radiance})
+    return Background(radiance)
 
 
-def _map(text, place, strength, images, content, item, report):
-    node = place.node
-    if node.image is None:
-        _constant(text, (strength, 0.0, strength))  # Cycles shows a missing image in pink.
-        return
-    if node.projection != "EQUIRECTANGULAR":
-        report.left_out(item, f"projection {node.projection}; the map is read as equirectangular")
-    value = images.value(node.image, node.image_user, "repeat", (1.0, 1.0, 0.0, 0.0), "bilinear")
-    pixels = None if value is None else images.pixels(value)
-    if pixels is None:
-        _constant(text, (strength, 0.0, strength))
-        return
-    square = sphere_map.equal_area_from_equirectangular(numpy.maximum(pixels, 0))
-    path = write_pixels(content, square[::-1])
+def _map(text, background, content):
+    """A lookup that only turns and mirrors directions is the light's transform."""
+    lookup = background.lookup
+    lengths = [lookup.col[i].xyz.length for i in range(3)]
+    axes = [lookup.col[i].xyz.normalized() for i in range(3)]
+    is_turn = (lookup.translation.length <= UNIFORM_ERROR_MAX * lengths[0]
+               and all(abs(x - lengths[0]) <= UNIFORM_ERROR_MAX * lengths[0] for x in lengths)
+               and all(abs(axes[i].dot(axes[j])) < UNIFORM_ERROR_MAX
+                       for i, j in ((0, 1), (0, 2), (1, 2))))
+    turn = mathutils.Matrix.Identity(4)
+    if is_turn:
+        if not all(lookup[i][j] == (i == j) for i in range(4) for j in range(4)):
+            sides = mathutils.Matrix.Diagonal([1 / lengths[0]] * 3).to_4x4()
+            turn = (lookup @ sides if lengths[0] != 1 else lookup).inverted()
+        inside = numpy.eye(4)
+    else:
+        inside = numpy.array(lookup)
+    square = sphere_map.equal_area(numpy.maximum(background.pixels, 0), inside,
+                                   background.projection)
     text.directive("AttributeBegin")
-    text.transform("ConcatTransform", _world_from_map(place, item, report))
-    text.directive("LightSource", "infinite", {"string filename": path, "float scale": strength})
+    text.transform("ConcatTransform", turn)
+    text.directive("LightSource", "infinite", {
+        "string filename": write_pixels(content, square[::-1]), "float scale": background.factor})
     text.directive("AttributeEnd")
+    return background
 
 
-def _world_from_map(place, item, report):
-    """The inverse of the Mapping node, which turns directions before they are looked up."""
-    mapping, _, _ = node_links.source(node_links.input_of(place, "Vector"))
-    if mapping is None or mapping.node.type == "TEX_COORD":
-        return mathutils.Matrix.Identity(4)
-    if mapping.node.type != "MAPPING":
-        report.left_out(item, f'coordinates of "{mapping.node.name}"')
-        return mathutils.Matrix.Identity(4)
-    reader = NodeValues(item, report, None)
-    rotation = values.color(reader.read(node_links.input_of(mapping, "Rotation"), BLACK))
-    scale = values.color(reader.read(node_links.input_of(mapping, "Scale"), (1.0, 1.0, 1.0)))
-    if any(abs(abs(s) - abs(scale[0])) > 1e-4 for s in scale):
-        report.left_out(item, "a Scale of the map that is not uniform")
-        scale = (1.0, 1.0, 1.0)
-    signs = mathutils.Matrix.Diagonal([math.copysign(1, s) for s in scale] + [1])
+class _WorldValues(NodeValues):
+    """Reads the shaders and the environment textures of a world. lookup: the matrix from
+    directions to those of the one environment that is read.
+    """
+
+    def __init__(self, item, report, images):
+        super().__init__(item, report, images)
+        self.lookup, self.projection, self.strength = None, "EQUIRECTANGULAR", 1.0
+        self._environment = None
+
+    def shader(self, wanted):
+        """The radiance as a value; None if it cannot be read. The strength of a single Background
+        is in the attribute.
+        """
+        place, _, _ = node_links.source(wanted)
+        if place is None:
+            return BLACK
+        kind = place.node.type
+        if kind in ("BACKGROUND", "EMISSION"):
+            color = values.color(self.read(node_links.input_of(place, "Color"), BLACK))
+            strength = values.gray(self.read(node_links.input_of(place, "Strength"), 1.0))
+            if not values.is_constant(strength):
+                return None
+            if values.is_constant(color):
+                return tuple(strength * c for c in color)
+            if wanted.socket.node.type == "OUTPUT_WORLD":
+                self.strength = strength
+                return color
+            return values.apply(color, "multiply", *(strength,) * 3)
+        if kind not in ("MIX_SHADER", "ADD_SHADER"):
+            return None
+        first, second = (self.shader(node_links.Input(socket, place.groups))
+                         for socket in place.node.inputs if socket.type == "SHADER")
+        if first is None or second is None:
+            return None
+        if kind == "MIX_SHADER":
+            factor = self.read(node_links.Input(place.node.inputs[0], place.groups), 0.5)
+            if not values.is_constant(factor):
+                return None
+            factor = values.clamped(factor)
+            if factor in (0.0, 1.0):
+                return second if factor else first
+            first, second = (values.apply(value, "multiply", *(weight,) * 3)
+                             for value, weight in ((first, 1 - factor), (second, factor)))
+        return _sum(first, second)
+
+    def read_other(self, place, output):
+        if place.node.type != "TEX_ENVIRONMENT":
+            return None
+        node = place.node
+        if node.image is None:
+            self._report.left_out(self.item, f'"{node.name}", which has no image; it is pink')
+            return PINK
+        lookup = self._lookup_of(node_links.input_of(place, "Vector"))
+        if lookup is None or (self._environment not in (None, node)):
+            return None
+        value = self._images.value(node.image, node.image_user, "repeat", (1.0, 1.0, 0.0, 0.0),
+                                   "bilinear")
+        if value is None:
+            return PINK
+        self._environment, self.lookup, self.projection = node, lookup, node.projection
+        return value
+
+    def _lookup_of(self, wanted):
+        """The affine map of directions by Mapping and Texture Coordinate nodes; None for others."""
+        place, output, _ = node_links.source(wanted)
+        if place is None:
+            return mathutils.Matrix.Identity(4)
+        node = place.node
+        if node.type == "TEX_COORD" and output.name in ("Generated", "Object"):
+            if output.name == "Object" and node.object is not None:
+                return node.object.matrix_world.inverted_safe()
+            return mathutils.Matrix.Identity(4)
+        if node.type != "MAPPING":
+            return None
+        inner = self._lookup_of(node_links.input_of(place, "Vector"))
+        found = [values.color(self.read(node_links.input_of(place, name), usual))
+                 for name, usual in (("Location", BLACK), ("Rotation", BLACK),
+                                     ("Scale", (1.0, 1.0, 1.0)))]
+        if inner is None or not all(map(values.is_constant, found)):
+            return None
+        return mapping_matrix(node.vector_type, *found) @ inner
+
+
+def mapping_matrix(kind, location, rotation, scale):
+    """The affine map of a Mapping node."""
     turn = mathutils.Euler(rotation, "XYZ").to_matrix().to_4x4()
-    map_from_world = turn @ signs
-    if mapping.node.vector_type == "TEXTURE":
-        return map_from_world
-    return map_from_world.inverted()
+    size = mathutils.Matrix.Diagonal([*scale, 1])
+    if kind == "TEXTURE":
+        inverse = mathutils.Matrix.Diagonal([*(1 / x if x else 0.0 for x in scale), 1])
+        return inverse @ turn.transposed() @ mathutils.Matrix.Translation(
+            [-x for x in location])
+    if kind == "NORMAL":
+        size = mathutils.Matrix.Diagonal([*(1 / x if x else 0.0 for x in scale), 1])
+    found = turn @ size
+    return mathutils.Matrix.Translation(location) @ found if kind == "POINT" else found
+
+
+def _sum(first, second):
+    """None for the sum of two textures."""
+    if values.is_constant(first) and values.is_constant(second):
+        return tuple(a + b for a, b in zip(values.color(first), values.color(second)))
+    if values.is_constant(second):
+        return values.apply(first, "mix", "ADD", 1.0, values.color(second), True)
+    if values.is_constant(first):
+        return values.apply(second, "mix", "ADD", 1.0, values.color(first), False)
+    return None

@@ -19,7 +19,9 @@ class Closure:
 
 EMPTY = Closure(None, 0.0)
 NOTHING = Closure(None, 1.0)  # Of a socket without a shader: black, and light does not pass.
-GLOW_ALPHA = 0.02  # Of a surface that shines and is transparent: Sheaf has none that is both.
+GLOW_ALPHA = 0.1  # Of a surface that shines and is transparent: Sheaf cuts both by alpha.
+# Light passes straight through the part that alpha leaves.
+GLOW_MATERIAL = materials.make("thindielectric", floats={"eta": 1.0})
 
 
 def mix(first, second, factor, item, report):
@@ -107,16 +109,16 @@ def _cut_by(closure, alpha, item, report):
 
 
 def _glow(first, second, item, report):
-    """Light in front of what is behind: few of the rays are stopped, and show more light."""
-    report.approximated(item, f"a transparent surface that shines stops {GLOW_ALPHA:.0%} of the "
-                              "light behind it")
+    """Light in front of what is behind: some rays meet the surface and show more light."""
+    report.approximated(item, f"a transparent surface that shines casts {GLOW_ALPHA:.0%} of a "
+                              "shadow in the light of lamps without size")
     emission = BLACK
     for one in (first, second):
         if one.emission != BLACK:
             share = (1.0 if opacity(one) is None else opacity(one)) / GLOW_ALPHA
             emission = _sum(emission, values.apply(one.emission, "multiply", *(share,) * 3), item,
                             report)
-    return Closure(None, GLOW_ALPHA, emission)
+    return Closure(GLOW_MATERIAL, GLOW_ALPHA, emission)
 
 
 def is_empty(closure):

@@ -14,6 +14,11 @@ def linear_from_srgb(encoded):
                        ((numpy.maximum(encoded, 0) + 0.055) / 1.055) ** 2.4).astype(numpy.float32)
 
 
+def srgb_from_linear(linear):
+    return numpy.where(linear <= 0.0031308, linear * 12.92,
+                       1.055 * numpy.maximum(linear, 0) ** (1 / 2.4) - 0.055)
+
+
 def has_alpha(pixels):
     """Whether any pixel is not opaque. pixels: (height, width, channels)."""
     return pixels.shape[2] == 4 and bool((pixels[:, :, 3] != 1).any())
@@ -23,14 +28,19 @@ def colors(pixels, alpha, is_encoded):
     """(height, width, 3) linear float32.
 
     alpha: "multiply" for colors that alpha has not yet scaled, "divide" for those that it has and
-    that are wanted without, "keep" otherwise. is_encoded: whether they are sRGB. Alpha scales the
-    encoded color, as in Cycles.
+    that are wanted without, "encode" for linear ones that it has scaled and that the file holds in
+    sRGB, "keep" otherwise. is_encoded: whether they are sRGB. Alpha scales the encoded color, as in
+    Cycles.
     """
     found = pixels[:, :, :3] if pixels.shape[2] >= 3 else numpy.repeat(pixels[:, :, :1], 3, axis=2)
     if pixels.shape[2] == 4 and alpha != "keep":
         opacity = pixels[:, :, 3:4]
-        found = (found * opacity if alpha == "multiply"
-                 else found / numpy.where(opacity > 0, opacity, 1))
+        if alpha != "multiply":
+            found = found / numpy.where(opacity > 0, opacity, 1)
+        if alpha == "encode":
+            return linear_from_srgb(srgb_from_linear(found) * opacity)
+        if alpha == "multiply":
+            found = found * opacity
     return linear_from_srgb(found) if is_encoded else numpy.ascontiguousarray(found, numpy.float32)
 
 

@@ -112,6 +112,20 @@ def _ramp(p, colors):
     return numpy.stack([numpy.interp(factor, places, table[:, i]) for i in range(3)], axis=1)
 
 
+def _curves(p, tables, low, high, is_extrapolated, factor):
+    """tables: three rows of even samples from low to high."""
+    places = numpy.linspace(low, high, len(tables[0]))
+    turned = numpy.empty_like(p)
+    for i, table in enumerate(tables):
+        turned[:, i] = numpy.interp(p[:, i], places, table)
+        if is_extrapolated:
+            step = (high - low) / (len(table) - 1)
+            below, above = p[:, i] < low, p[:, i] > high
+            turned[below, i] += (p[below, i] - low) * (table[1] - table[0]) / step
+            turned[above, i] += (p[above, i] - high) * (table[-1] - table[-2]) / step
+    return p + (turned - p) * factor
+
+
 def _hue_saturation(p, hue, saturation, value, factor):
     high, low = p.max(axis=1), p.min(axis=1)
     span = high - low
@@ -148,5 +162,5 @@ _OPERATIONS = {
     "gray": _gray, "channel": _channel, "multiply": _multiply, "mix": _mix, "math": _math,
     "gamma": _gamma, "invert": _invert, "bright_contrast": _bright_contrast, "clamp": _clamp,
     "map_range": _map_range, "ramp": _ramp, "hue_saturation": _hue_saturation,
-    "hue": _hue, "normal_strength": _normal_strength,
+    "hue": _hue, "curves": _curves, "normal_strength": _normal_strength,
 }

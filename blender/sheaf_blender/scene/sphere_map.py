@@ -50,9 +50,33 @@ def bilinear(pixels, u, v):
     return low * (1 - fy) + high * fy
 
 
+def direction_to_mirror_ball(directions):
+    """Blender's (u, v) in the photograph of a mirroring ball."""
+    x, y, z = (directions[..., i] for i in range(3))
+    length = numpy.sqrt(x * x + y * y + z * z)
+    y = y - length
+    half = 2 * numpy.sqrt(numpy.maximum(-0.5 * y * length, 0))
+    safe = numpy.where(half > 0, half, 1)
+    return 0.5 * (x / safe + 1), 0.5 * (z / safe + 1)
+
+
+def look_up(pixels, directions, lookup, projection="EQUIRECTANGULAR"):
+    """Pixels (rows from the bottom) in directions (..., 3), which the 4x4 matrix maps before."""
+    mapped = directions @ lookup[:3, :3].T + lookup[:3, 3]
+    project = (direction_to_mirror_ball if projection == "MIRROR_BALL"
+               else direction_to_equirectangular)
+    return bilinear(pixels, *project(mapped))
+
+
 def equal_area_from_equirectangular(pixels, edge=None):
-    """pixels: (height, width, 3) float32, rows from the bottom. Returns (edge, edge, 3), rows of
-    rising v. A texel is the mean over its subsamples, so that small suns keep their light.
+    """The equal-area square of an image by latitude and longitude; see equal_area."""
+    return equal_area(pixels, numpy.eye(4), "EQUIRECTANGULAR", edge)
+
+
+def equal_area(pixels, lookup, projection, edge=None):
+    """pixels: (height, width, 3) float32, rows from the bottom; lookup and projection: see look_up.
+    Returns (edge, edge, 3), rows of rising v. A texel is the mean over its subsamples, so that
+    small suns keep their light.
     """
     if edge is None:
         edge = int(min(max(round((pixels.shape[0] * pixels.shape[1]) ** 0.5), EDGE_MIN), EDGE_MAX))
@@ -62,6 +86,5 @@ def equal_area_from_equirectangular(pixels, edge=None):
         for j in range(_SUBSAMPLES):
             u, v = numpy.meshgrid((places + (i + 0.5) / _SUBSAMPLES) / edge,
                                   (places + (j + 0.5) / _SUBSAMPLES) / edge)
-            found = direction_to_equirectangular(square_to_sphere(u, v))
-            result += bilinear(pixels, *found)
+            result += look_up(pixels, square_to_sphere(u, v), lookup, projection)
     return result / _SUBSAMPLES**2

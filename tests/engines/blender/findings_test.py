@@ -40,6 +40,10 @@ def run_in_blender(script, *arguments):
 @unittest.skipUnless(shutil.which("blender"), "there is no Blender; install blender "
                      "and python3-openimageio")
 class FindingsTest(unittest.TestCase):
+    def test_each_property_is_in_a_list(self):
+        said, code = run_in_blender("settings_in_blender.py")
+        self.assertTrue(code == 0 and "SETTINGS_OK" in said, said[-6000:])
+
     def test_findings(self):
         said, code = run_in_blender("findings_in_blender.py", *CHOSEN)
         self.assertTrue(code == 0 and "FINDINGS_OK" in said, said[-6000:])

@@ -12,6 +12,8 @@ import bpy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import scenes
+import scenes_findings
+import scenes_meaning
 import scenes_more
 
 BOUNCES = 16
@@ -19,9 +21,9 @@ BOUNCES = 16
 
 def build(name, folder):
     builder = scenes.Builder(folder)
-    getattr(scenes, name, None) and getattr(scenes, name)(builder)
-    if not hasattr(scenes, name):
-        getattr(scenes_more, name)(builder)
+    module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning)
+                  if hasattr(module, name))
+    getattr(module, name)(builder)
     return builder.scene
 
 

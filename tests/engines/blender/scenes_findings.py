@@ -20,6 +20,7 @@ def room(b):
 
 
 def volume(b, name, kind="ShaderNodeVolumeScatter", **inputs):
+    b.scene.cycles.volume_bounces = 16
     made, nodes, links, output = b.empty_material(name)
     node = nodes.new(kind)
     b.fill(node, inputs)
