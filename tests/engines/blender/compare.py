@@ -15,6 +15,18 @@ def read(path):
     return pixels[:, :, :3]
 
 
+def read_all(path):
+    """{channel: (height, width)} of a file of layers."""
+    file = OpenImageIO.ImageInput.open(str(path))
+    if file is None:
+        raise OSError(f"{path}: {OpenImageIO.geterror()}")
+    spec = file.spec()
+    pixels = file.read_image(0, 0, 0, spec.nchannels, "float")
+    file.close()
+    pixels = pixels.reshape(spec.height, spec.width, spec.nchannels)
+    return {name: pixels[:, :, i] for i, name in enumerate(spec.channelnames)}
+
+
 def compare(folder, scene):
     """Relative differences of the means of R, G and B, and SCENE.png: Cycles, Sheaf, difference."""
     cycles, sheaf = (read(folder / f"{scene}.{engine}.exr") for engine in ("cycles", "sheaf"))

@@ -31,6 +31,14 @@ from farm import free_port  # noqa: E402
 PACKAGES = ("blender", "python3-numpy", "python3-openimageio", "python3-openvdb")
 SCENES = ("lights", "principled", "coats", "textures", "normals", "glass", "emission", "world",
           "volumes", "instances", "hair", "motion", "lens", "mattes")
+FINDINGS = (
+    "fog_around_camera", "camera_under_water", "scaled_to_nothing", "mirrored_camera", "spin",
+    "acceleration", "blur_off", "zoom", "image_tiles", "image_missing", "image_none",
+    "image_without_uv", "image_packed", "image_curves", "mix_clear_light", "add_clear_light",
+    "mix_matt_light", "add_one", "mix_one", "world_moved", "world_of_object", "world_ball",
+    "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
+    "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
+    "shutter_curve")
 MEAN_DIFFERENCE_MAX = 0.03  # Of the mean of each channel.
 EXPORT_SECONDS_MAX = 10.0
 START_SECONDS_MAX = 120
@@ -124,7 +132,7 @@ def pictures(bench, compare):
     failed = []
     subprocess.run(["/usr/bin/python3", HERE / "make_cloud.py", bench.folder / "cloud.vdb"],
                    check=True)
-    for scene in bench.arguments.only or SCENES:
+    for scene in bench.arguments.only or SCENES + FINDINGS:
         print(scene, flush=True)
         try:
             said = bench.run(scene, "sheaf", bench.arguments.samples,
@@ -140,6 +148,27 @@ def pictures(bench, compare):
             failed.append(str(failure))
             print("  FAILED:", failure, flush=True)
     return failed
+
+
+def protocol(bench, compare):
+    """View layers, both eyes, sizes and regions."""
+    print("protocol", flush=True)
+    samples = bench.arguments.samples
+    for what, endings in (("layers", ("",)), ("eyes", ("_L", "_R"))):
+        for engine in ("cycles", "sheaf"):
+            bench.run(what, engine, samples, bench.folder / f"{what}.{engine}.exr",
+                      script="protocol_in_blender.py")
+        for ending in endings:
+            first, second = (compare.read_all(bench.folder / f"{what}.{engine}{ending}.exr")
+                             for engine in ("cycles", "sheaf"))
+            check(set(first) == set(second), f"{what}{ending}: the channels are {sorted(second)}")
+            for name, pixels in first.items():
+                apart = abs(pixels - second[name]).mean() / pixels.mean()
+                check(apart < MEAN_DIFFERENCE_MAX, f"{what}{ending}: pixels of {name} are "
+                      f"{100 * apart:.2f} % apart")
+    said = bench.run("sizes", "sheaf", 4, bench.folder / "sizes.exr",
+                     script="protocol_in_blender.py")
+    check("SIZES_OK" in said, "sizes and regions have no black edge")
 
 
 class Farm:
@@ -329,7 +358,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", type=lambda t: t.split(","),
-                        help="scenes, or gltf, passes, exr, farm, operators, export")
+                        help="scenes, or findings, protocol, gltf, passes, exr, farm, operators, "
+                        "export")
     parser.add_argument("--models", type=lambda t: t.split(","), help="of glTF, to compare")
     parser.add_argument("--samples", type=int, default=1024, help="of Sheaf (default 1024)")
     parser.add_argument("--cycles-samples", type=int, default=1024)
@@ -355,11 +385,12 @@ def main():
     bench = Bench(arguments, folder)
     chosen = arguments.only or []
     failed = []
-    steps = {"gltf": lambda: gltf(bench, compare, arguments.models),
+    steps = {"protocol": lambda: protocol(bench, compare), "gltf": lambda: gltf(bench, compare, arguments.models),
              "passes": lambda: passes(bench), "exr": lambda: exr_checks(bench, compare),
              "farm": lambda: farm_checks(bench, compare),
              "operators": lambda: operators(bench), "export": lambda: export_time(bench)}
-    arguments.only = [name for name in chosen if name not in steps]
+    arguments.only = [name for each in chosen if each not in steps
+                      for name in (FINDINGS if each == "findings" else (each,))]
     if arguments.only or not chosen:
         failed += pictures(bench, compare)
     for name, step in steps.items():

@@ -65,8 +65,10 @@ def volumes_of_one_name(b):
 
 def scaled_to_nothing(b):
     room(b)
-    for name, scale in (("Zero", (0, 0, 0)), ("Flat", (1, 0, 1))):
-        b.sphere(name, (1.5, 0, 1), 0.5, b.diffuse(name, (0, 1, 0))).scale = scale
+    b.sphere("Zero", (1.5, 0, 1), 0.5, b.diffuse("Zero", (0, 1, 0))).scale = (0, 0, 0)
+    flat = b.plane(1.2, b.diffuse("Flat", (0.1, 0.8, 0.1)))
+    flat.name, flat.location, flat.scale = "Flat", (1.5, 0, 1), (1, 1, 0)
+    flat.rotation_euler = (1.2, 0, 0.3)
     b.sphere("Lamp", (-1.5, 0, 1), 0.5,
              b.material("Lamp", "ShaderNodeEmission", Strength=2.0)).scale = (0, 0, 0)
 
@@ -148,4 +150,4 @@ def two_eyes(b):
     room(b)
     b.scene.render.use_multiview = True
     b.scene.camera.data.stereo.interocular_distance = 0.6
-    b.scene.camera.data.stereo.convergence_distance = 7.0
+    b.scene.camera.data.stereo.convergence_distance = 3.0

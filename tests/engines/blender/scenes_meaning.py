@@ -99,7 +99,9 @@ def image_none(b):
 
 
 def image_without_uv(b):
-    made = painted(b, picture(b, "picture.png"))
+    pixels = numpy.full((EDGE_PX, EDGE_PX, 3), 0.2)
+    pixels[8:-8, 8:-8] = (0.9, 0.8, 0.1)
+    made = painted(b, b.image("framed", pixels))
     made.data.uv_layers.remove(made.data.uv_layers[0])
 
 
