@@ -7,9 +7,11 @@
 #include <algorithm>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "common/base/check.h"
 #include "common/base/cpu_clock.h"
+#include "worker/render/eyes/eye_passes.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
 #include "worker/render/majorant_retries.h"
@@ -46,6 +48,32 @@ RenderRowFunction RowFunctionFor(const CompiledScene& scene) {
   return RowBesideLightOf(ChooseLightPathVariant(scene.plan.traits, generic));
 }
 
+// The passes of a stereo frame.
+absl::StatusOr<FilmTile> RenderStereoTile(const CompiledScene& scene, PixelRect tile,
+                                          SampleBlock block, const std::stop_token& stop,
+                                          RenderStats* stats) {
+  const FrameSettings& settings = scene.settings;
+  if (!(tile == PixelRect{0, 0, settings.width_px, settings.height_px})) {
+    return absl::InvalidArgumentError("a pass of a stereo frame is of its whole film");
+  }
+  const double start_seconds = ThreadCpuSeconds();
+  RayCounts counts;
+  std::vector<PixelAccumulator::NonFinite> lost;
+  absl::StatusOr<FilmTile> film;
+  const uint32_t raised_majorants = RetryWithMajorants(scene.majorant_factor, &counts, [&] {
+    lost.clear();
+    film = RenderEyePasses(scene, block, stop, &counts, &lost);
+    return film.ok();
+  });
+  if (!film.ok() || stats == nullptr) return film;
+  stats->samples = block.count * static_cast<uint64_t>(tile.PixelCount());
+  stats->TakeCounts(scene, counts);
+  stats->raised_majorants = raised_majorants;
+  stats->cpu_seconds = ThreadCpuSeconds() - start_seconds;
+  stats->non_finite = std::move(lost);
+  return film;
+}
+
 }  // namespace
 
 void RenderStats::TakeCounts(const CompiledScene& scene, const RayCounts& counts) {
@@ -68,6 +96,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   if (tile.Width() <= 0 || tile.Height() <= 0 || !IsAligned(block)) {
     return absl::InvalidArgumentError("a tile pass needs a tile with pixels and an aligned block");
   }
+  if (scene.eyes != nullptr) return RenderStereoTile(scene, tile, block, stop, stats);
   if (absl::Status status = EnsureGuiding(scene, stop); !status.ok()) return status;
   const double start_seconds = ThreadCpuSeconds();
   const RenderRowFunction render_row = RowFunctionFor(scene);

@@ -38,8 +38,9 @@ struct RenderStats {
 
 // TilePass > FilmTile: renders every sample of the block in every pixel of the tile. A pure
 // function of (scene, tile, block): if a density violates its bounds, the whole block is rendered
-// again with raised bounds. Single-threaded; may be called from any number of threads.
-// Errors: kCancelled when stop was requested (checked once a row).
+// again with raised bounds. Single-threaded; may be called from any number of threads. The tile of
+// a stereo frame is its whole film (eyes/eye_passes.h, which states its memory). Errors: kCancelled
+// when stop was requested (checked once a row).
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
                                         SampleBlock block, std::stop_token stop,
                                         RenderStats* stats);

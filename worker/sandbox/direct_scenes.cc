@@ -12,6 +12,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/reader/scene_file_reader.h"
+#include "worker/render/eyes/eye_passes.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/light_pass.h"
 #include "worker/render/plan/path_limits.h"
@@ -158,6 +159,12 @@ class DirectScene : public OpenScene {
           stop);
       if (!pass.ok()) return pass.status();
       return render::RenderLightPass(*scene_, lease.tile, lease.block, stop, stats);
+    }
+    if (lease.settings.IsStereo()) {
+      const absl::StatusOr<LightPassGate::Pass> pass = light_passes_.Enter(
+          render::EyePassMemoryBytes(lease.tile.PixelCount(), lease.block), stop);
+      if (!pass.ok()) return pass.status();
+      return render::RenderTilePass(*scene_, lease.tile, lease.block, stop, stats);
     }
     if (lease.cells.All()) {
       return render::RenderTilePass(*scene_, lease.tile, lease.block, stop, stats);

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "common/film/exr/stereo_views.h"
 
 namespace sheaf {
 namespace {
@@ -53,7 +54,7 @@ bool IsColorChannel(std::string_view name) {
   const std::string_view component = name.substr(name.rfind('.') + 1);
   const bool is_color =
       component == "R" || component == "G" || component == "B" || component == "A";
-  const std::string layer = LayerOfChannel(name);
+  const std::string layer{WithoutView(LayerOfChannel(name))};
   return is_color && !layer.starts_with(kMatteLayers) &&
          std::ranges::find(kErrorLayers, layer) == std::end(kErrorLayers);
 }

@@ -15,6 +15,7 @@
 #include <array>
 #include <cmath>
 #include <deque>
+#include <iterator>
 #include <new>
 #include <vector>
 
@@ -24,6 +25,7 @@
 #include "common/film/exr/exr_channels.h"
 #include "common/film/exr/exr_streams.h"
 #include "common/film/exr/resumed_image.h"
+#include "common/film/exr/stereo_views.h"
 
 namespace sheaf {
 namespace {
@@ -94,6 +96,9 @@ Imf::Header HeaderOf(const FrameImage& image, const ExrFormat& format, const Par
   Imf::addChromaticities(header, {{xy[0], xy[1]}, {xy[2], xy[3]}, {xy[4], xy[5]}, {xy[6], xy[7]}});
   SetScreenWindow(image, &header);
   if (is_first) SetAttributes(image, &header);
+  if (is_first && IsStereoImage(image)) {
+    Imf::addMultiView(header, {std::begin(kViewNames), std::end(kViewNames)});
+  }
   if (is_first && !RoundingOf(format).empty()) {
     SetText(&header, std::string(kMetadataPrefix) + kRoundingKey, RoundingOf(format));
   }
@@ -194,8 +199,11 @@ int64_t CountBeyondHalf(const FrameImage& image) {
   return count;
 }
 
-std::string EncodeFrameImage(const FrameImage& image, const ExrFormat& format) {
+std::string EncodeFrameImage(const FrameImage& whole, const ExrFormat& format) {
   SHEAF_CHECK(CheckExrFormat(format).ok());
+  const bool is_stereo = IsStereoImage(whole) && whole.window.Width() % 2 == 0;
+  const FrameImage split = is_stereo ? SplitViews(whole) : FrameImage();
+  const FrameImage& image = is_stereo ? split : whole;
   const std::vector<Part> parts = PartsOf(image, format);
   std::vector<Imf::Header> headers;
   for (const Part& part : parts) {

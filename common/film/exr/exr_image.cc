@@ -15,12 +15,13 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/exr/exr_header_scan.h"
 #include "common/film/exr/exr_attributes.h"
 #include "common/film/exr/exr_channels.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/exr_format.h"
 #include "common/film/exr/exr_streams.h"
-#include "common/exr/exr_header_scan.h"
+#include "common/film/exr/stereo_views.h"
 
 namespace sheaf {
 namespace {
@@ -155,6 +156,7 @@ absl::StatusOr<FrameImage> DecodeFrameImage(std::string_view bytes, int64_t imag
                                    : DecodeParts(bytes, image.window, parts, planes);
   if (!decoded.ok()) return decoded;
   for (const ExrHeader& part : file->parts) ReadAttributes(part, &image);
+  JoinViews(&image);
   return image;
 }
 

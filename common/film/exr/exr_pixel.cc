@@ -9,10 +9,27 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
-#include "common/film/exr/exr_streams.h"
 #include "common/exr/exr_header_scan.h"
+#include "common/film/exr/exr_attributes.h"
+#include "common/film/exr/exr_streams.h"
+#include "common/film/exr/stereo_views.h"
 
 namespace sheaf {
+namespace {
+
+using PixelValues = std::vector<std::pair<std::string, float>>;
+
+// Those of one view of a stereo image, with their names in the image.
+PixelValues OfView(const PixelValues& values, size_t view) {
+  PixelValues result;
+  for (const auto& [name, value] : values) {
+    const auto channel = ChannelOfView(name);
+    if (channel && channel->first == view) result.emplace_back(channel->second, value);
+  }
+  return result;
+}
+
+}  // namespace
 
 absl::StatusOr<std::vector<std::pair<std::string, float>>> ReadImagePixel(const std::string& path,
                                                                           int32_t x_px,
@@ -26,6 +43,11 @@ absl::StatusOr<std::vector<std::pair<std::string, float>>> ReadImagePixel(const 
   if (file->deep) return absl::InvalidArgumentError("deep EXR files are not supported");
   const ExrHeader& header = file->parts[0];
   const PixelRect window = RectOf(header.data_window);
+  // A stereo image continues with the right view where the left one ends.
+  const auto views = header.strings.find(absl::StrCat(std::string(kMetadataPrefix), kViewsKey));
+  const bool is_stereo = views != header.strings.end() && views->second == kStereoViews;
+  const size_t view = is_stereo && x_px >= window.x1 ? 1 : 0;
+  if (view == 1) x_px -= window.Width();
   const bool inside =
       x_px >= window.x0 && x_px < window.x1 && y_px >= window.y0 && y_px < window.y1;
   if (!inside) {
@@ -59,6 +81,7 @@ absl::StatusOr<std::vector<std::pair<std::string, float>>> ReadImagePixel(const 
   if (!read.ok()) return read;
   const auto x = static_cast<size_t>(x_px - window.x0);
   for (size_t i = 0; i < values.size(); ++i) values[i].second = lines[i][x];
+  if (is_stereo) return OfView(values, view);
   return values;
 }
 

@@ -15,6 +15,7 @@
 #include "common/base/digest.h"
 #include "common/film/denoised_output.h"
 #include "common/scene/settings/frame_settings_fields.h"
+#include "common/scene/settings/stereo.h"
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/sensor.h"
 #include "sheaf_build_id.h"
@@ -241,6 +242,9 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
     return absl::InvalidArgumentError(
         "--denoise needs independent replicates, which --one-sequence does not have; remove one of "
         "them");
+  }
+  if (settings.eye_distance > 0) {
+    if (absl::Status status = MakeStereo(scene, settings, &resolved); !status.ok()) return status;
   }
   return resolved;
 }

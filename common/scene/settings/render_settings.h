@@ -56,6 +56,8 @@ struct RenderSettings {
   // The most light samples at a vertex, from 1 to kLightSamplesMax: with more than 1, the hierarchy
   // of lights is split where its estimates are uncertain. See docs/adr/0070.
   int32_t light_samples = 1;
+  // With eye_distance > 0, a stereo frame: FrameSettings.
+  float eye_distance = 0, eye_convergence = 0;
   std::optional<TechniqueSet> techniques;  // Otherwise those of the scene's integrator.
   // Measure which techniques pay (MeasureTechniques), instead of `techniques`; for the caller of
   // ResolveSettings to do.
@@ -77,6 +79,11 @@ struct FrameSettings {
   // Else from 2 to kLightSamplesMax, as RenderSettings::light_samples.
   int32_t light_samples = 0;
   TechniqueSet techniques = TechniqueSet::kCamera;
+  // Of a stereo frame: the distance of its eyes, above 0, and how far away both see a point in the
+  // middle of their images, 0 for infinity; in units of the camera's space (stereo.h). The frame is
+  // then the film of the left eye, and right of it that of the right eye.
+  float eye_distance = 0, eye_convergence = 0;
+  bool IsStereo() const { return eye_distance > 0; }
   bool force_generic_variant = false;
   // The pixels of the window that are rendered; the others stay empty.
   PixelLattice lattice;

@@ -26,7 +26,11 @@ struct IntegratorConfig {
   // Paths begin at lights, and are connected to the camera.
   static constexpr bool kFromLight = kPathKind == PathKind::kLight;
   // Paths of both kinds find the light of the frame, and weigh each other: two_ends.h.
-  static constexpr bool kBothEnds = kPathKind != PathKind::kCamera;
+  static constexpr bool kBothEnds = kFromLight || kPathKind == PathKind::kCameraBesideLight;
+  // Paths of two eyes share what they find from their first vertex on.
+  static constexpr bool kEyes = kPathKind == PathKind::kEye;
+  // Vertices are seen from other directions than the path's: SurfaceVertex::SeenFrom.
+  static constexpr bool kSeenFromElsewhere = kBothEnds || kEyes;
   using Color = ColorOf<kTraits>;
   using Wavelengths = WavelengthsOf<Color>;
   // For queries that need no color, or the color as RGB.
@@ -36,10 +40,10 @@ struct IntegratorConfig {
   static constexpr bool kSpectral = Has(Trait::kSpectral);
   static constexpr bool kOutputs = Has(Trait::kOutputs);
   // Camera paths sample directions from a learned field too: guided_directions.h.
-  static constexpr bool kGuided = Has(Trait::kGuiding);
+  static constexpr bool kGuided = !kEyes && Has(Trait::kGuiding);
   // Vertices of camera paths on surfaces may take several light samples: light_splits.h. Light
   // paths count them in weights.
-  static constexpr bool kSplitsLights = !kFromLight && Has(Trait::kLightSplits);
+  static constexpr bool kSplitsLights = !kFromLight && !kEyes && Has(Trait::kLightSplits);
   static constexpr bool kCountsSplits = kFromLight && Has(Trait::kLightSplits);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
   // Shading normals may be tilted so far that light would be lost: perturbed_normal.h.

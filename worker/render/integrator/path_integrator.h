@@ -28,43 +28,54 @@ namespace sheaf::render {
 
 struct GatherMap;
 
+// One vertex, the same for surfaces and media: adds the light that it scatters back along the path,
+// and samples the path's next ray. False where the path ends.
+template <typename C, typename Vertex>
+bool ScatterAt(const Context<C>& c, Vertex& vertex, PathState<C>* path, FilmSample* film) {
+  // Record the first vertex for the film, and count the vertex.
+  if (!vertex.Arrive(c, path, film)) return false;
+  if (vertex.SamplesLights(*path)) {
+    // Sample a light, and add what of it the vertex scatters back along the path.
+    SampleLd(c, vertex, path);
+    // Sample the emission of heterogeneous media likewise.
+    if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
+  }
+  // Let further paths leave the vertex, where the field says that it pays.
+  if constexpr (C::kGuided) SplitPathAt(c, vertex, path);
+  // Sample the direction in which the path continues; Russian roulette may end it.
+  return vertex.Scatter(c, path);
+}
+
+// What follows from the path's arrival at the vertex. False where the path ends.
+template <typename C>
+bool ContinueFrom(const Context<C>& c, Vertex<C>* vertex, PathState<C>* path, FilmSample* film) {
+  if (auto* surface = std::get_if<SurfaceVertex<C>>(vertex)) {
+    return ScatterAt(c, *surface, path, film);
+  }
+  // Pass through surfaces that do not scatter.
+  if (auto* null_interface = std::get_if<NullInterface>(vertex)) {
+    return CrossNullInterface(c, null_interface->point, path);
+  }
+  if (std::holds_alternative<Escaped>(*vertex)) {
+    // Nothing is hit: add infinite lights.
+    AddInfiniteLe(c, path);
+  } else if constexpr (C::kMedia) {
+    if (auto* medium = std::get_if<MediumVertex<C>>(vertex)) {
+      return ScatterAt(c, *medium, path, film);
+    }
+  }
+  return false;
+}
+
 // Follows the path to its end, adds the radiance that it finds to path->radiance, and records its
 // first vertex in *film.
 template <typename C>
 void FollowPath(const Context<C>& c, PathState<C>* path, FilmSample* film) {
-  // One vertex, the same for surfaces and media. False where the path ends.
-  const auto scatter_at = [&](auto& vertex) {
-    // Record the first vertex for the film, and count the vertex.
-    if (!vertex.Arrive(c, path, film)) return false;
-    if (vertex.SamplesLights(*path)) {
-      // Sample a light, and add what of it the vertex scatters back along the path.
-      SampleLd(c, vertex, path);
-      // The same for the emission of heterogeneous media.
-      if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
-    }
-    // Let further paths leave the vertex, where the field says that it pays.
-    if constexpr (C::kGuided) SplitPathAt(c, vertex, path);
-    // Sample the direction in which the path continues; Russian roulette may end it.
-    return vertex.Scatter(c, path);
-  };
   Vertex<C> vertex;
-  for (;;) {
+  do {
     // Trace the path's ray through media to its next vertex, and add emission met on the way.
     NextVertex(c, path, &vertex);
-    bool continues = false;
-    if (auto* surface = std::get_if<SurfaceVertex<C>>(&vertex)) {
-      continues = scatter_at(*surface);
-    } else if (auto* null_interface = std::get_if<NullInterface>(&vertex)) {
-      // Pass through surfaces that do not scatter.
-      continues = CrossNullInterface(c, null_interface->point, path);
-    } else if (std::holds_alternative<Escaped>(vertex)) {
-      // Nothing is hit: add infinite lights.
-      AddInfiniteLe(c, path);
-    } else if constexpr (C::kMedia) {
-      if (auto* medium = std::get_if<MediumVertex<C>>(&vertex)) continues = scatter_at(*medium);
-    }
-    if (!continues) return;
-  }
+  } while (ContinueFrom(c, &vertex, path, film));
 }
 
 // The same with all paths that split off from it, one after the other: the last one first.
@@ -82,6 +93,26 @@ void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
       NotePathEnd(c, path->radiance);
     }
   }
+}
+
+// The ray of the camera through a pixel, at a point that the filter chooses. Sets the sample's
+// filter weight. *weight: as for Camera::MakeRay.
+template <typename C>
+Ray MakeCameraRay(const CompiledScene& scene, const Camera& camera, const Sampler& sampler,
+                  std::array<int32_t, 2> pixel, float time, FilmSample* film, float* weight) {
+  Vec2f filter_u, lens_u;
+  if constexpr (C::Has(Trait::kLens)) {
+    const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));
+    filter_u = {u[0], u[1]};
+    lens_u = {u[2], u[3]};
+  } else {
+    filter_u = sampler.Get2(Slot(CameraSlot::kFilterAndLens));
+  }
+  const FilterSample filtered = scene.filter.Sample(filter_u);
+  film->filter_weight = filtered.weight;
+  const Vec2d raster{pixel[0] + 0.5 + static_cast<double>(filtered.offset.x),
+                     pixel[1] + 0.5 + static_cast<double>(filtered.offset.y)};
+  return camera.template MakeRay<C::kTraits>(raster, lens_u, time, weight);
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth,
@@ -128,9 +159,10 @@ class PathIntegrator {
   }
   // *path: new.
   FilmSample Trace(const Sampler& sampler, int32_t x, int32_t y, PathState<C>* path);
-  // *weight: as for Camera::MakeRay.
   Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, float time, FilmSample* film,
-                float* weight) const;
+                float* weight) const {
+    return MakeCameraRay<C>(scene_, scene_.camera, sampler, {x, y}, time, film, weight);
+  }
 
   const CompiledScene& scene_;
   Tracer& tracer_;
@@ -193,27 +225,6 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const
     });
   }
   return film;
-}
-
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
-Ray PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::CameraRay(const Sampler& sampler,
-                                                                        int32_t x, int32_t y,
-                                                                        float time,
-                                                                        FilmSample* film,
-                                                                        float* weight) const {
-  Vec2f filter_u, lens_u;
-  if constexpr (C::Has(Trait::kLens)) {
-    const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));
-    filter_u = {u[0], u[1]};
-    lens_u = {u[2], u[3]};
-  } else {
-    filter_u = sampler.Get2(Slot(CameraSlot::kFilterAndLens));
-  }
-  const FilterSample filtered = scene_.filter.Sample(filter_u);
-  film->filter_weight = filtered.weight;
-  const Vec2d raster{x + 0.5 + static_cast<double>(filtered.offset.x),
-                     y + 0.5 + static_cast<double>(filtered.offset.y)};
-  return scene_.camera.template MakeRay<kTraits>(raster, lens_u, time, weight);
 }
 
 }  // namespace sheaf::render

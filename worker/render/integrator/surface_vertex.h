@@ -38,7 +38,7 @@ struct SurfaceVertex {
       : draw(C::kFromLight ? LightDraw{} : DrawLight(c, NextVertexIndex(path))),
         point(MakeSurfacePoint<C::kTraits>(c.scene.geometry, path.ray, hit, &plane)) {
     if constexpr (C::kPerturbedNormals) index = NextVertexIndex(path);
-    if constexpr (C::kBothEnds) interpolated_shading = point.shading;
+    if constexpr (C::kSeenFromElsewhere) interpolated_shading = point.shading;
   }
 
   // The vertex at p of a camera path that was stored, for Eval and the normals. Requires:
@@ -72,7 +72,8 @@ struct SurfaceVertex {
   BsdfOf<Color> bsdf;
   [[no_unique_address]] OptionalNormal perturbed_normal;
   [[no_unique_address]] StateIf<C::kPerturbedNormals, uint32_t> index;  // For sample dimensions.
-  [[no_unique_address]] StateIf<C::kBothEnds, Frame> interpolated_shading;  // Before Prepare.
+  [[no_unique_address]] StateIf<C::kSeenFromElsewhere, Frame>
+      interpolated_shading;                            // Before Prepare.
   [[no_unique_address]] GuidedDirectionsOf<C> guided;  // Known to camera paths.
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   Vec3f wo_local;
@@ -81,7 +82,8 @@ struct SurfaceVertex {
 
   // Sets the shading frame, for a path that arrives along -wo. Call once, after the BSDF is known.
   void Prepare(const Context<C>& c, Vec3f wo);
-  // The vertex as a path sees it that arrives along -wo, for Eval. Requires: kBothEnds.
+  // The vertex as a path sees it that arrives along -wo, for Eval. Requires:
+  // kSeenFromElsewhere.
   SurfaceVertex SeenFrom(const Context<C>& c, Vec3f wo) const;
   // Whether a specular sample, which led to wi, leads back from there. Requires: kBothEnds.
   bool IsReversible(const Context<C>& c, Vec3f wi, uint8_t flags) const {

@@ -57,6 +57,7 @@ class PlanMaker {
     BoundDepth(settings.max_depth, &plan);
     plan.notes = std::move(notes_);
     NoteTechniques(settings.techniques, &plan);
+    if (settings.IsStereo()) plan.notes.push_back(StereoNote(scene_));
     for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
       plan.notes.push_back(std::move(note));
     }
@@ -379,7 +380,8 @@ class PlanMaker {
     }
     const bool generic = settings.force_generic_variant;
     const Variant variant =
-        HasLightPaths(settings.techniques)
+        settings.IsStereo() ? AllEyeVariants()[ChooseEyeVariant(plan.traits, generic)]
+        : HasLightPaths(settings.techniques)
             ? AllLightPathVariants()[ChooseLightPathVariant(plan.traits, generic)]
             : AllVariants()[ChooseVariant(plan.traits, generic)];
     plan.variant_traits = variant.traits;

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <variant>
 
+#include "absl/strings/str_cat.h"
+
 namespace sheaf::render {
 namespace {
 
@@ -34,12 +36,37 @@ bool MayBeSpecular(const PrincipledMaterial& m) {
   return MayBeSmooth(m.roughness) && (MayBePositive(m.metallic) || MayBePositive(m.transmission));
 }
 
+bool MayBeSpecular(const MaterialDescription& description) {
+  return std::visit([](const auto& m) { return MayBeSpecular(m); }, description.material);
+}
+
+// Named in a note; the others are counted.
+constexpr int kMaterialsNamedMax = 3;
+
 }  // namespace
 
 bool MayHaveSpecularSurfaces(const SceneDescription& scene) {
   return std::ranges::any_of(scene.materials, [](const MaterialDescription& description) {
-    return std::visit([](const auto& m) { return MayBeSpecular(m); }, description.material);
+    return MayBeSpecular(description);
   });
+}
+
+std::string StereoNote(const SceneDescription& scene) {
+  std::string note = "stereo: both eyes share the paths that begin at rough surfaces";
+  int count = 0;
+  for (const MaterialDescription& description : scene.materials) {
+    if (!MayBeSpecular(description) &&
+        !std::holds_alternative<HairMaterial>(description.material)) {
+      continue;
+    }
+    if (++count > kMaterialsNamedMax) continue;
+    absl::StrAppend(&note, count == 1 ? "; not those at the materials of " : ", ",
+                    FormatLocation(scene, description.location));
+  }
+  if (count > kMaterialsNamedMax) {
+    absl::StrAppend(&note, " and ", count - kMaterialsNamedMax, " more");
+  }
+  return note;
 }
 
 }  // namespace sheaf::render

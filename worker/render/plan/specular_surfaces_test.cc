@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/render/plan/specular_surfaces.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <utility>
@@ -42,6 +43,22 @@ TEST(SpecularSurfacesTest, AreSmoothGlassAndMirrors) {
   EXPECT_TRUE(MayBeSpecular(ThinDielectricMaterial{}));
   EXPECT_TRUE(MayBeSpecular(WithRoughness<ConductorMaterial>(0, 0)));
   EXPECT_FALSE(MayBeSpecular(WithRoughness<ConductorMaterial>(0.3f, 0.3f)));
+}
+
+TEST(SpecularSurfacesTest, AreNamedForStereoFrames) {
+  SceneDescription scene;
+  scene.files = {"room.pbrt"};
+  const auto add = [&scene](auto material, int32_t line) {
+    scene.materials.push_back({"", material, {0, line, 1}});
+  };
+  add(DiffuseMaterial{}, 3);
+  EXPECT_EQ(StereoNote(scene), "stereo: both eyes share the paths that begin at rough surfaces");
+  add(ThinDielectricMaterial{}, 4);
+  EXPECT_THAT(StereoNote(scene),
+              ::testing::EndsWith("; not those at the materials of room.pbrt:4:1"));
+  for (int32_t line = 5; line < 9; ++line) add(HairMaterial{}, line);
+  EXPECT_THAT(StereoNote(scene),
+              ::testing::EndsWith("room.pbrt:4:1, room.pbrt:5:1, room.pbrt:6:1 and 2 more"));
 }
 
 TEST(SpecularSurfacesTest, ArePrincipledOnesWithoutADiffusePart) {

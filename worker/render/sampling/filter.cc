@@ -108,14 +108,32 @@ double PixelFilter::EvaluateAxis(const Table& table, double x) const {
   const double position = distance * kIntervalCount;
   const auto i = static_cast<size_t>(position);
   const double before{table.value[i]}, after{table.value[i + 1]};
-  return (before + (position - static_cast<double>(i)) * (after - before)) *
-         table.inverse_integral;
+  return (before + (position - static_cast<double>(i)) * (after - before)) * table.inverse_integral;
 }
 
 double PixelFilter::Evaluate(Vec2d offset) const {
   const Vec2d radius = radius_px();
   return EvaluateAxis(table_x_, offset.x / radius.x) / radius.x *
          (EvaluateAxis(table_y_, offset.y / radius.y) / radius.y);
+}
+
+double PixelFilter::SamplesOnAxis(const Table& table, double radius, double x,
+                                  int32_t size_px) const {
+  if (!(x > -radius && x < size_px + radius)) return 0;
+  const auto first = static_cast<int32_t>(std::max(0.0, std::ceil(x - radius - 0.5)));
+  const auto last =
+      static_cast<int32_t>(std::min<double>(size_px - 1, std::floor(x + radius - 0.5)));
+  double sum = 0;
+  for (int32_t pixel = first; pixel <= last; ++pixel) {
+    sum += std::fabs(EvaluateAxis(table, (x - (pixel + 0.5)) / radius));
+  }
+  return sum / (radius * static_cast<double>(table.weight));
+}
+
+double PixelFilter::SamplesAt(Vec2d film, int32_t width_px, int32_t height_px) const {
+  const Vec2d radius = radius_px();
+  return SamplesOnAxis(table_x_, radius.x, film.x, width_px) *
+         SamplesOnAxis(table_y_, radius.y, film.y, height_px);
 }
 
 FilterSample PixelFilter::Sample(Vec2f u) const {

@@ -30,6 +30,10 @@ class PixelFilter {
   // of the offsets of Sample times their weights. 0 beyond the radius. A box includes its left and
   // upper edges alone, so that boxes of radius 1/2 divide the film.
   double Evaluate(Vec2d offset) const;
+  // The density of film points at `film` if each pixel of a frame samples one, in 1 / pixels^2.
+  // About 1 within the frame, exactly so for boxes of radius 1/2; less near its edges, 0 beyond
+  // them.
+  double SamplesAt(Vec2d film, int32_t width_px, int32_t height_px) const;
   Vec2d radius_px() const {
     return {static_cast<double>(radius_x_px_), static_cast<double>(radius_y_px_)};
   }
@@ -51,6 +55,8 @@ class PixelFilter {
   AxisSample SampleAxis(float u) const;
   // The filter of an axis at x radii from the center, over its integral in radii.
   double EvaluateAxis(const Table& table, double x) const;
+  // SamplesAt along an axis of size_px pixels, at x.
+  double SamplesOnAxis(const Table& table, double radius, double x, int32_t size_px) const;
 
   FilterDescription::Kind kind_ = FilterDescription::Kind::kBox;
   float radius_x_px_ = 0.5f, radius_y_px_ = 0.5f;

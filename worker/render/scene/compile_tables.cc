@@ -44,6 +44,37 @@ absl::Status BuildMedia(FileSource& files, CompileInput* input, CompiledScene* s
   return absl::OkStatus();
 }
 
+absl::StatusOr<Camera> MakeCamera(const CompiledScene& scene, FileSource* files) {
+  const FrameSettings& settings = scene.settings;
+  const int32_t width_px = settings.IsStereo() ? settings.width_px / 2 : settings.width_px;
+  absl::StatusOr<Camera> camera = Camera::Make(scene.description, width_px, settings.height_px,
+                                               scene.geometry.render_origin_world, files);
+  if (camera.ok()) camera->set_ray_start_radius(scene.geometry.radius_if_far);
+  return camera;
+}
+
+// Sets the scene's camera, and those of its eyes.
+absl::Status MakeCameras(FileSource& files, CompiledScene* scene) {
+  absl::StatusOr<Camera> camera = MakeCamera(*scene, &files);
+  if (!camera.ok()) return camera.status();
+  scene->camera = *std::move(camera);
+  const FrameSettings& settings = scene->settings;
+  if (!settings.IsStereo()) return absl::OkStatus();
+  auto eyes = std::make_unique<EyePair>();
+  eyes->width_px = settings.width_px / 2;
+  const CameraDescription between = scene->description.camera;
+  for (const Eye eye : {Eye::kLeft, Eye::kRight}) {
+    scene->description.camera =
+        EyeCamera(between, eye, settings.eye_distance, settings.eye_convergence);
+    camera = MakeCamera(*scene, &files);
+    scene->description.camera = between;
+    if (!camera.ok()) return camera.status();
+    eyes->cameras[static_cast<size_t>(eye)] = *std::move(camera);
+  }
+  scene->eyes = std::move(eyes);
+  return absl::OkStatus();
+}
+
 // Builds the table of lights, and assigns their groups.
 absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
                          LightTableInput emitters, CompiledScene* scene) {
@@ -117,12 +148,7 @@ absl::StatusOr<std::unique_ptr<CompiledScene>> CompileTables(SceneDescription de
         scene->description.files.empty() ? "scene" : scene->description.files[0], ": ",
         scene->geometry.degenerate_triangle_count, " triangles without area were skipped"));
   }
-  absl::StatusOr<Camera> camera =
-      Camera::Make(scene->description, settings.width_px, settings.height_px,
-                   scene->geometry.render_origin_world, &files);
-  if (!camera.ok()) return camera.status();
-  scene->camera = *camera;
-  scene->camera.set_ray_start_radius(scene->geometry.radius_if_far);
+  if (absl::Status made = MakeCameras(files, scene.get()); !made.ok()) return made;
   absl::StatusOr<PixelFilter> filter = PixelFilter::Make(scene->description);
   if (!filter.ok()) return filter.status();
   scene->filter = *std::move(filter);

@@ -4,12 +4,16 @@
 // CompiledScene: the immutable data that tracing reads.
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
 
 #include "common/scene/scene_description.h"
 #include "common/scene/settings/render_settings.h"
 #include "worker/render/accel/embree_scene.h"
 #include "worker/render/camera/camera.h"
+#include "worker/render/camera/eye_camera.h"
 #include "worker/render/camera/film_response.h"
 #include "worker/render/color/wavelength_sampler.h"
 #include "worker/render/geometry/scene_geometry.h"
@@ -27,13 +31,21 @@
 
 namespace sheaf::render {
 
+// The cameras of a stereo frame. Its film is that of both eyes side by side, the left one first.
+struct EyePair {
+  std::array<Camera, 2> cameras;  // By Eye.
+  int32_t width_px = 0;           // Of the film of each eye.
+  const Camera& of(Eye eye) const { return cameras[static_cast<size_t>(eye)]; }
+};
+
 class CompiledScene {
  public:
   SceneDescription description;  // Without its mesh buffers.
   FrameSettings settings;
   RenderPlan plan;
   SceneGeometry geometry;
-  Camera camera;
+  Camera camera;  // Of a stereo frame: between the eyes, with a film like theirs.
+  std::unique_ptr<const EyePair> eyes;  // Null where the frame has one view.
   PixelFilter filter;
   FilmResponse film;
   WavelengthSampler wavelengths;  // For spectral transport.

@@ -22,6 +22,7 @@ struct Entry {
 #define SHEAF_VARIANT_ENTRY(name, traits) {name, traits},
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 constexpr Entry kLightPathEntries[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
+constexpr Entry kEyeEntries[] = {SHEAF_EYE_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
 
 // Cost of the traits that a variant includes for other scenes: first by those that every path pays
@@ -61,6 +62,11 @@ size_t ChooseVariant(uint32_t traits, bool force_generic) {
 std::vector<Variant> AllLightPathVariants() { return VariantsOf(kLightPathEntries); }
 size_t ChooseLightPathVariant(uint32_t traits, bool force_generic) {
   return ChooseAmong(kLightPathEntries, traits, force_generic);
+}
+
+std::vector<Variant> AllEyeVariants() { return VariantsOf(kEyeEntries); }
+size_t ChooseEyeVariant(uint32_t traits, bool force_generic) {
+  return ChooseAmong(kEyeEntries, traits, force_generic);
 }
 
 }  // namespace sheaf::render

@@ -26,4 +26,8 @@ size_t ChooseVariant(uint32_t traits, bool force_generic);
 std::vector<Variant> AllLightPathVariants();
 size_t ChooseLightPathVariant(uint32_t traits, bool force_generic);
 
+// The same for the variants of stereo frames.
+std::vector<Variant> AllEyeVariants();
+size_t ChooseEyeVariant(uint32_t traits, bool force_generic);
+
 }  // namespace sheaf::render

@@ -162,3 +162,12 @@ inline constexpr uint32_t kCloudTraits =
     ::sheaf::render::Guided(::sheaf::render::CommonTraits(false, false, false, false))) \
   X("spectral generic", ::sheaf::render::kAllSpectralTraits)                            \
   X("generic", ::sheaf::render::kAllTraits)
+
+// The variants of stereo frames.
+#define SHEAF_EYE_VARIANTS(X)                                                         \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false))              \
+  X("common+environment", ::sheaf::render::CommonTraits(true, false, false, false))   \
+  X("mapped common+environment+cut-outs",                                             \
+    ::sheaf::render::Mapped(::sheaf::render::CommonTraits(true, false, false, true))) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
+  X("generic", ::sheaf::render::kAllTraits)
