@@ -18,7 +18,7 @@
 
 namespace sheaf {
 
-// Of a stereo image; its value is kStereoViews.
+// The attribute of stereo images; its value is kStereoViews.
 inline constexpr char kViewsKey[] = "views";
 inline constexpr char kStereoViews[] = "left,right";
 inline constexpr const char* kViewNames[] = {"left", "right"};

@@ -79,7 +79,7 @@ struct FrameSettings {
   // Else from 2 to kLightSamplesMax, as RenderSettings::light_samples.
   int32_t light_samples = 0;
   TechniqueSet techniques = TechniqueSet::kCamera;
-  // Of a stereo frame: the distance of its eyes, above 0, and how far away both see a point in the
+  // In a stereo frame: the distance of its eyes, above 0, and how far away both see a point in the
   // middle of their images, 0 for infinity; in units of the camera's space (stereo.h). The frame is
   // then the film of the left eye, and right of it that of the right eye.
   float eye_distance = 0, eye_convergence = 0;

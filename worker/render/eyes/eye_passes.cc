@@ -116,7 +116,7 @@ class EyeFilm : public EyeSink {
   }
 
   const CompiledScene& scene_;
-  const int32_t width_px_, height_px_;  // Of each eye.
+  const int32_t width_px_, height_px_;  // The size of the film of each eye.
   const Vec2d radius_;
   std::vector<Sum> sums_;
 };

@@ -31,7 +31,7 @@ absl::StatusOr<FilmTile> RenderEyePasses(const CompiledScene& scene, SampleBlock
                                          const std::stop_token& stop, RayCounts* counts,
                                          std::vector<PixelAccumulator::NonFinite>* lost);
 
-// The memory that RenderEyePasses takes at most, for a film of so many pixels.
+// The memory that RenderEyePasses takes at most, for a film of pixel_count pixels.
 uint64_t EyePassMemoryBytes(int64_t pixel_count, SampleBlock block);
 
 }  // namespace sheaf::render

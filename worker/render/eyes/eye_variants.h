@@ -15,10 +15,10 @@ namespace sheaf::render {
 
 class CompiledScene;
 
-// What one path of an eye brings to both. Radiances count their shares already, the other members
-// of samples do not.
+// The contributions of one path of an eye to both eyes. Radiances include their shares, the other
+// members of samples do not.
 struct EyeSample {
-  FilmSample own;       // That of the path's own pixel.
+  FilmSample own;       // The sample of the path's own pixel.
   float own_share = 1;  // The part of a sample of the pixel that it stands for.
   bool is_shifted = false;
   // The same in the other eye, per pixel of its film, around a point of it.

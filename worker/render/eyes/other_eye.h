@@ -25,7 +25,7 @@ namespace sheaf::render {
 // How an eye sees a point of a surface.
 struct Sight {
   Vec3f wi;    // Unit, from the point to the lens.
-  Vec2d film;  // Of the eye's own film, in pixels.
+  Vec2d film;  // The point on the eye's own film, in pixels.
   // Pixels of the film per area of the surface at the point.
   double pixels = 0;
   // The density of the eye's first vertices there, per area, if it traces one path a pixel. Both
@@ -91,7 +91,7 @@ struct SharedVertex {
     if (found.own.IsBlack() && found.other.IsBlack()) return {};
     return {Color::Gray(1), DirectionPdf(to_own.pdf, to_other.pdf)};
   }
-  // own_pdf, other_pdf: the pdfs with which paths of each eye go on in a direction.
+  // own_pdf, other_pdf: the pdfs with which paths of each eye continue in a direction.
   float DirectionPdf(float own_pdf, float other_pdf) const {
     return static_cast<float>((own_seen.density * static_cast<double>(own_pdf) +
                                other_seen.density * static_cast<double>(other_pdf)) /
@@ -110,12 +110,12 @@ struct SharedVertex {
   LightPathKind LightKind(const PathState<C>& path) const { return own.LightKind(path); }
 };
 
-// What a path brings to the other eye.
+// The contribution of a path to the other eye.
 template <typename C>
 struct EyeShift {
   using Color = typename C::Color;
   bool is_shifted = false;  // Otherwise the path counts in its own pixel alone, and fully.
-  Vec2d film;               // Of the other eye.
+  Vec2d film;               // The point on the film of the other eye.
   Vec3f normal;             // As FilmSample has them, of the first vertex.
   float depth = 0;
   float own_share = 1, other_share = 0;  // SharedVertex.
@@ -176,7 +176,7 @@ float RouletteFactor(const Context<C>& c, const SurfaceVertex<C>& vertex,
   return expected > 0 ? MaxComponent(path.throughput) / expected : 1;
 }
 
-// The path goes on from its first vertex, for both eyes. False where it ends.
+// Continues the path from its first vertex, for both eyes. False where it ends.
 template <typename C>
 bool ScatterForBoth(const Context<C>& c, const SharedVertex<C>& shared, EyeShift<C>* shift,
                     PathState<C>* path) {

@@ -46,7 +46,7 @@ bool ScatterAt(const Context<C>& c, Vertex& vertex, PathState<C>* path, FilmSamp
   return vertex.Scatter(c, path);
 }
 
-// What follows from the path's arrival at the vertex. False where the path ends.
+// Continues the path from the vertex where it has arrived. False where the path ends.
 template <typename C>
 bool ContinueFrom(const Context<C>& c, Vertex<C>* vertex, PathState<C>* path, FilmSample* film) {
   if (auto* surface = std::get_if<SurfaceVertex<C>>(vertex)) {

@@ -34,7 +34,7 @@ namespace sheaf::render {
 // The cameras of a stereo frame. Its film is that of both eyes side by side, the left one first.
 struct EyePair {
   std::array<Camera, 2> cameras;  // By Eye.
-  int32_t width_px = 0;           // Of the film of each eye.
+  int32_t width_px = 0;           // The width of the film of each eye.
   const Camera& of(Eye eye) const { return cameras[static_cast<size_t>(eye)]; }
 };
 
@@ -44,7 +44,7 @@ class CompiledScene {
   FrameSettings settings;
   RenderPlan plan;
   SceneGeometry geometry;
-  Camera camera;  // Of a stereo frame: between the eyes, with a film like theirs.
+  Camera camera;  // In a stereo frame: between the eyes, with a film like theirs.
   std::unique_ptr<const EyePair> eyes;  // Null where the frame has one view.
   PixelFilter filter;
   FilmResponse film;
