@@ -11,6 +11,7 @@
 
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
+#include "cli/commands/stereo_option.h"
 #include "cli/interruption.h"
 #include "cli/job/camera_paths_check.h"
 #include "cli/job/input_check.h"
@@ -31,6 +32,7 @@ class PlanCommand : public Command {
     CLI::App* command = app->add_subcommand(
         "plan", "Show which effects a scene uses, and which variant renders it");
     AddSettingsOptions(command, &arguments_);
+    AddStereoOption(command, &arguments_.settings);
     AddJsonFlag(command, &json_);
     command->add_flag(
         "--measure", measure_,
@@ -54,6 +56,10 @@ class PlanCommand : public Command {
     const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
     std::optional<render::TechniqueMeasurement> techniques;
+    if (measure_ && opened.settings.IsStereo()) {
+      return ReportError(ExitCode::kUsage,
+                         absl::InvalidArgumentError("--measure knows one view; remove --stereo"));
+    }
     if (measure_) {
       absl::StatusOr<render::TechniqueMeasurement> compared = render::MeasureTechniques(
           scene, opened.settings, *opened.file.files, render::TechniqueEffort::kAsked);

@@ -14,6 +14,7 @@
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
 #include "cli/commands/format_options.h"
+#include "cli/commands/stereo_option.h"
 #include "common/base/label.h"
 #include "common/base/nearest_name.h"
 #include "common/command_line/command_line.h"
@@ -417,6 +418,7 @@ void AddFramesOption(CLI::App* command, JobArguments* arguments) {
 
 void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddSettingsOptions(command, arguments);
+  AddStereoOption(command, &arguments->settings);
   AddStopOptions(command, &arguments->stop);
   AddFramesOption(command, arguments);
   const OptionGroup group(command, kImageGroup);

@@ -66,8 +66,8 @@ bool IsPhotometric(const std::string& path, const SceneDescription& scene) {
 // techniques: nothing is measured for these unasked.
 std::optional<render::TechniqueEffort> EffortFor(const JobArguments& arguments) {
   if (arguments.settings.measure_techniques) return render::TechniqueEffort::kAsked;
-  if (arguments.settings.techniques || arguments.keep_camera_paths || arguments.stop.IsActive() ||
-      !arguments.resume_from.empty()) {
+  if (arguments.settings.eye_distance > 0 || arguments.settings.techniques ||
+      arguments.keep_camera_paths || arguments.stop.IsActive() || !arguments.resume_from.empty()) {
     return std::nullopt;
   }
   return render::TechniqueEffort::kUnasked;
@@ -228,8 +228,30 @@ absl::Status CheckNumbers(const JobArguments& arguments, Numbering numbering,
   return absl::OkStatus();
 }
 
+namespace {
+
+// Refuses options that stereo images do not have.
+absl::Status CheckStereo(const JobArguments& arguments) {
+  if (!(arguments.settings.eye_distance > 0)) return absl::OkStatus();
+  const std::pair<bool, const char*> refused[] = {
+      {!arguments.resume_from.empty(), "--resume-from"},
+      {arguments.format.exr.HasSeveralParts(), "--exr-parts multi"},
+      {arguments.format.depth != ExrDepth::kRay, "--exr-depth plane"},
+      {!arguments.denoise_with.empty(), "--denoise-with"}};
+  for (const auto& [is_given, option] : refused) {
+    if (is_given) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--stereo: images of two eyes know no ", option, "; remove it"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
 absl::Status CheckJobArguments(const JobArguments& arguments) {
   if (absl::Status status = CheckImageNames(arguments); !status.ok()) return status;
+  if (absl::Status status = CheckStereo(arguments); !status.ok()) return status;
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   if (absl::Status status = ScenePath(arguments).status(); !status.ok()) return status;
@@ -242,6 +264,9 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
 }
 
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
+  if (arguments.keep_camera_paths && arguments.settings.eye_distance > 0) {
+    return absl::InvalidArgumentError("--measure knows one view; remove --stereo");
+  }
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   const absl::StatusOr<FramePath> scene = ScenePath(arguments);

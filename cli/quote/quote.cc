@@ -238,6 +238,9 @@ QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets,
 
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
+  if (arguments.settings.eye_distance > 0) {
+    return absl::UnimplementedError("what two eyes cost is not predicted");
+  }
   Quote quote;
   const absl::StatusOr<std::optional<ImageStart>> start = ReadStart(arguments, job);
   if (!start.ok()) return start.status();

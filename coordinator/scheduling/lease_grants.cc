@@ -40,7 +40,8 @@ uint64_t BlockSamplesMax(const WorkState& state, const JobRecord& job, const Fra
                          const WorkerRecord& worker, const FrameTasks::FreshBlock& block) {
   if (block.kind == TaskKind::kTraining) return 1;
   const Partition& partition = job.spec.partition;
-  const bool is_light = block.kind == TaskKind::kLight;
+  // Passes of the whole frame.
+  const bool is_light = block.kind == TaskKind::kLight || frame.settings().IsStereo();
   const uint64_t passes_max = is_light ? LightPassesMax(frame.settings(), state.limits) : 0;
   const uint64_t pass = is_light ? 1 : partition.pass_sample_count;
   if (partition.lease_pass_count != 0) {

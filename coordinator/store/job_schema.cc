@@ -61,7 +61,8 @@ CREATE TABLE frames(
   one_sequence_gain REAL NOT NULL DEFAULT 0, sensor TEXT NOT NULL DEFAULT '',
   max_component_value REAL NOT NULL DEFAULT 0, correction_count INTEGER NOT NULL DEFAULT 0,
   seal INTEGER NOT NULL DEFAULT 0, techniques INTEGER NOT NULL DEFAULT 0,
-  light_samples_max INTEGER NOT NULL DEFAULT 0, PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
+  light_samples_max INTEGER NOT NULL DEFAULT 0, eye_distance REAL NOT NULL DEFAULT 0,
+  eye_convergence REAL NOT NULL DEFAULT 0, PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
 CREATE TABLE rounds(
   job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, round INTEGER NOT NULL,
   relative_mse REAL NOT NULL, relative_mse_upper REAL NOT NULL,

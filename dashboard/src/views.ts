@@ -132,6 +132,8 @@ export interface Frame {
   similarity_after_count: number;
   light_samples_max: number;
   techniques: string;
+  eye_distance: number;
+  eye_convergence: number;
   sensor: string;
   max_component_value: number;
   pixel_stride_px: number;

@@ -30,9 +30,8 @@ FrameImage StereoImage() {
 
 std::vector<std::string> ChannelsOf(const std::string& bytes) {
   std::vector<std::string> names;
-  for (const ExrChannel& channel : ScanExrHeader(bytes)->parts[0].channels) {
-    names.push_back(channel.name);
-  }
+  const ExrFileHeader file = *ScanExrHeader(bytes);
+  for (const ExrChannel& channel : file.parts[0].channels) names.push_back(channel.name);
   return names;
 }
 

@@ -103,6 +103,19 @@ void VisitSamplingSettings(Settings& settings, const Visitor& visit) {
               .flag = {"techniques", true},
               .metadata = {"techniques"}},
         settings.techniques);
+  // RenderCommand makes one option of both.
+  visit(Field{.name = "eye_distance",
+              .column = "eye_distance",
+              .shown = kWithSettings,
+              .digest = {15, "eye_distance"},
+              .metadata = {"eyeDistance"}},
+        settings.eye_distance);
+  visit(Field{.name = "eye_convergence",
+              .column = "eye_convergence",
+              .shown = kWithSettings,
+              .digest = {16, "eye_convergence"},
+              .metadata = {"eyeConvergence"}},
+        settings.eye_convergence);
   visit(Field{.name = "force_generic_variant", .column = "force_generic", .flag = {"generic"}},
         settings.force_generic_variant);
 }

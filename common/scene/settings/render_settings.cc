@@ -263,6 +263,11 @@ absl::Status CheckSettings(const FrameSettings& settings) {
     return absl::InvalidArgumentError(
         absl::StrCat("a white balance of ", settings.white_balance_k, " K is out of range"));
   }
+  if (!AreEyeDistances(settings.eye_distance, settings.eye_convergence)) {
+    return absl::InvalidArgumentError(absl::StrCat("eyes cannot be ", settings.eye_distance,
+                                                   " apart and converge at ",
+                                                   settings.eye_convergence));
+  }
   if (!settings.sensor.empty() && !IsSensor(settings.sensor)) {
     return absl::InvalidArgumentError("the camera's sensor is unknown here");
   }

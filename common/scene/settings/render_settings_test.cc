@@ -122,7 +122,7 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   FrameSettings more = settings;
   more.samples = 17;
   EXPECT_EQ(FrameDigest("scene", more, "profile"), digest);
-  std::vector<FrameSettings> others(20, settings);
+  std::vector<FrameSettings> others(22, settings);
   others[0].width_px = 9;
   others[1].height_px = 9;
   others[2].window.x0 = 1;
@@ -143,6 +143,8 @@ TEST(RenderSettingsTest, DigestCoversOnlySettingsThatChangeSamples) {
   others[17].techniques = TechniqueSet::kCameraAndLightGuided;
   others[18].light_samples = 2;
   others[19].light_samples = 8;
+  others[20].eye_distance = 0.1f;
+  others[21].eye_convergence = 2;
   for (const FrameSettings& other : others)
     EXPECT_NE(FrameDigest("scene", other, "profile"), digest);
   EXPECT_NE(FrameDigest("scene", others[9], "profile"),
@@ -164,16 +166,17 @@ TEST(RenderSettingsTest, EveryFieldIsDescribed) {
   const FrameSettings settings;
   [[maybe_unused]] const auto& [width_px, height_px, window, samples, max_depth, seed, color,
                                 single_scattering, one_sequence, similarity_after, light_samples,
-                                techniques, force_generic_variant, lattice, outputs, sensor,
-                                max_component_value, primaries, white_balance_k] = settings;
+                                techniques, eye_distance, eye_convergence, force_generic_variant,
+                                lattice, outputs, sensor, max_component_value, primaries,
+                                white_balance_k] = settings;
   std::set<std::string> names;
   std::set<const void*> members;
   VisitFrameSettings(settings, [&](const SettingField& field, const auto& member) {
     names.insert(field.name);
     members.insert(&member);
   });
-  EXPECT_EQ(names.size(), 19u);
-  EXPECT_EQ(members.size(), 19u);
+  EXPECT_EQ(names.size(), 21u);
+  EXPECT_EQ(members.size(), 21u);
 }
 
 // Parts, stored jobs and images are known by digests of this text.

@@ -36,6 +36,9 @@ constexpr bool DividesIntoCells(int32_t tile_size_px, int32_t cell_size_px) {
 // multiple of kCellSizePxMin that divides it. Depends only on its arguments, so that the image is
 // reproducible.
 int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px);
+// The edge of a frame's tiles: a stereo frame has one, since paths of each eye reach pixels of
+// both.
+int32_t TileSizeOf(const FrameSpec& frame, const Partition& partition);
 // The edge of a frame's cells; the edge of its tiles if its samples are not distributed by error.
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition);
 
@@ -53,7 +56,7 @@ class CellGrid {
   CellGrid(const PixelRect& window, int32_t tile_size_px, int32_t cell_size_px,
            bool has_light_tile = false, bool has_training_tile = false);
   CellGrid(const FrameSpec& frame, const Partition& partition)
-      : CellGrid(frame.settings.window, partition.tile_size_px, CellSizeOf(frame, partition),
+      : CellGrid(frame.settings.window, TileSizeOf(frame, partition), CellSizeOf(frame, partition),
                  HasLightPasses(frame.settings), NeedsTraining(frame.settings.techniques)) {}
 
   int32_t tile_size_px() const { return tile_size_px_; }

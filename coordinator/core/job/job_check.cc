@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/film/light/light_part_size.h"
+#include "common/scene/settings/stereo.h"
 #include "coordinator/core/job/cell_grid.h"
 
 namespace sheaf::coordinator {
@@ -40,6 +41,14 @@ int64_t DivideUp(int64_t number, int64_t divisor) { return (number + divisor - 1
 
 int64_t SquaresOf(const PixelRect& window, int64_t edge_px) {
   return DivideUp(window.Width(), edge_px) * DivideUp(window.Height(), edge_px);
+}
+
+// The size of a part of passes of the whole frame: of light passes, or of those of a stereo frame.
+uint64_t PassBytes(const FrameSettings& settings, uint64_t passes) {
+  const int64_t pixels = settings.window.PixelCount();
+  if (!settings.IsStereo()) return LightPartBytes(pixels, LightOutputsOf(settings), passes);
+  const uint64_t planes = kFilmChannelCount + passes * kReplicateChannelCount;
+  return static_cast<uint64_t>(pixels) * planes * sizeof(float);
 }
 
 // The error in a frame; empty if there is none.
@@ -76,8 +85,16 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
                         "--techniques ",
                         s.techniques.Without(Technique::kLightPaths).Name());
   }
+  if (s.IsStereo()) {
+    if (const std::string why_not = WhyNoStereo(s); !why_not.empty()) return why_not;
+    if (LightPassesMax(s, limits) == 0) {
+      return absl::StrCat(w.PixelCount(), " pixels of both eyes: a pass of them can take ",
+                          PassBytes(s, 1) >> 20, " MiB, more than the limit of ",
+                          limits.light_part_bytes_max >> 20, "; render a smaller image");
+    }
+  }
   for (const auto& [edge_px, most, what] :
-       {std::tuple{partition.tile_size_px, limits.tiles_per_frame_max, "tiles"},
+       {std::tuple{TileSizeOf(frame, partition), limits.tiles_per_frame_max, "tiles"},
         std::tuple{CellSizeOf(frame, partition), limits.cells_per_frame_max, "cells"}}) {
     if (SquaresOf(w, edge_px) > most) {
       return absl::StrCat(what, " of ", edge_px, " px: ", SquaresOf(w, edge_px),
@@ -89,10 +106,13 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
 
 // The fewest leases that can render the frame.
 int64_t TaskCountMin(const FrameSpec& frame, const Partition& partition, const Limits& limits) {
+  const auto samples = static_cast<int64_t>(frame.settings.samples);
+  if (frame.settings.IsStereo()) {
+    return DivideUp(samples, static_cast<int64_t>(LightPassesMax(frame.settings, limits)));
+  }
   const uint64_t passes =
       partition.lease_pass_count != 0 ? partition.lease_pass_count : limits.lease_pass_count_max;
   const auto lease_samples = static_cast<int64_t>(partition.pass_sample_count * passes);
-  const auto samples = static_cast<int64_t>(frame.settings.samples);
   const int64_t light_tasks =
       HasLightPasses(frame.settings)
           ? DivideUp(samples, static_cast<int64_t>(LightPassesMax(frame.settings, limits)))
@@ -106,8 +126,7 @@ int64_t TaskCountMin(const FrameSpec& frame, const Partition& partition, const L
 
 uint64_t LightPassesMax(const FrameSettings& settings, const Limits& limits) {
   const auto fits = [&](uint64_t passes) {
-    return LightPartBytes(settings.window.PixelCount(), LightOutputsOf(settings), passes) <=
-           limits.light_part_bytes_max;
+    return PassBytes(settings, passes) <= limits.light_part_bytes_max;
   };
   uint64_t passes = limits.light_pass_count_max;
   while (passes > 0 && !fits(passes)) passes /= 2;

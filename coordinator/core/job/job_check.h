@@ -13,8 +13,8 @@
 
 namespace sheaf::coordinator {
 
-// The maximum number of light passes of a lease, a power of two; their part is as large as the
-// frame. 0 if the part of one pass exceeds the limit.
+// The maximum number of light passes of a lease, or of passes of a stereo frame, a power of two;
+// their part is as large as the frame. 0 if the part of one pass exceeds the limit.
 uint64_t LightPassesMax(const FrameSettings& settings, const Limits& limits);
 
 // Checks partition and frames. Errors: kInvalidArgument, kResourceExhausted.

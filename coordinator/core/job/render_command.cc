@@ -56,9 +56,14 @@ void AddOutputs(const FilmOutputs& outputs, std::string* command) {
 
 std::string RenderCommand(const std::string& scene, const FrameSettings& settings,
                           const PixelRect& tile, uint64_t sample_count) {
-  std::string command =
-      absl::StrCat("sheaf render ", Quoted(scene), " --crop ", tile.x0, ",", tile.y0, ",", tile.x1,
-                   ",", tile.y1, " --samples ", sample_count);
+  std::string command = absl::StrCat("sheaf render ", Quoted(scene));
+  if (settings.IsStereo()) {  // The tile is the whole frame.
+    absl::StrAppend(&command, " --stereo ", settings.eye_distance);
+    if (settings.eye_convergence > 0) absl::StrAppend(&command, ",", settings.eye_convergence);
+  } else {
+    absl::StrAppend(&command, " --crop ", tile.x0, ",", tile.y0, ",", tile.x1, ",", tile.y1);
+  }
+  absl::StrAppend(&command, " --samples ", sample_count);
   VisitFrameSettings(settings, [&command]<typename T>(const SettingField& field, const T& value) {
     const SettingName& flag = field.flag;
     if (*flag.name == '\0' || (!flag.always && IsDefaultSetting(value))) return;

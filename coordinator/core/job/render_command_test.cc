@@ -42,6 +42,19 @@ TEST(RenderCommandTest, HasEveryOptionThatAffectsPixels) {
             "--aov uv,asset-id --cryptomatte object,material --light-groups");
 }
 
+// A stereo frame has one tile, the whole film, and no crop.
+TEST(RenderCommandTest, StereoIsOneOption) {
+  FrameSettings settings;
+  settings.eye_distance = 0.0625f;
+  EXPECT_EQ(RenderCommand("a.pbrt", settings, kTile, 8),
+            "sheaf render a.pbrt --stereo 0.0625 --samples 8 --max-depth 5 --seed 0 "
+            "--techniques camera");
+  settings.eye_convergence = 2.5f;
+  EXPECT_EQ(RenderCommand("a.pbrt", settings, kTile, 8),
+            "sheaf render a.pbrt --stereo 0.0625,2.5 --samples 8 --max-depth 5 --seed 0 "
+            "--techniques camera");
+}
+
 TEST(RenderCommandTest, QuotesNamesForTheShell) {
   const auto start = [](const std::string& scene) {
     const std::string command = RenderCommand(scene, {}, kTile, 1);

@@ -50,7 +50,8 @@ CREATE TABLE frames(
   one_sequence_gain REAL NOT NULL DEFAULT 0, sensor TEXT NOT NULL DEFAULT '',
   max_component_value REAL NOT NULL DEFAULT 0, correction_count INTEGER NOT NULL DEFAULT 0,
   seal INTEGER NOT NULL DEFAULT 0, techniques INTEGER NOT NULL DEFAULT 0,
-  light_samples_max INTEGER NOT NULL DEFAULT 0, PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
+  light_samples_max INTEGER NOT NULL DEFAULT 0, eye_distance REAL NOT NULL DEFAULT 0,
+  eye_convergence REAL NOT NULL DEFAULT 0, PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
 
 CREATE TABLE jobs(
   job_id INTEGER PRIMARY KEY AUTOINCREMENT, request_id TEXT NOT NULL UNIQUE, title TEXT NOT NULL,

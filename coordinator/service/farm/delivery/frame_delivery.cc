@@ -19,6 +19,7 @@
 #include "common/film/denoised_output.h"
 #include "common/film/error/rare_layers.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/film/exr/stereo_views.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "coordinator/forecast/one_sequence.h"
 #include "coordinator/service/farm/delivery/denoise_frame.h"
@@ -45,7 +46,7 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
       {"window", absl::StrCat(s.window.x0, ",", s.window.y0, ",", s.window.x1, ",", s.window.y1)}};
   // Cells of tiles got their own samples; equal counts do not tell the cells' size.
   if (spec.stop.IsActive()) {
-    metadata["tileSizePx"] = absl::StrCat(partition.tile_size_px);
+    metadata["tileSizePx"] = absl::StrCat(TileSizeOf(spec, partition));
     metadata["cellSizePx"] = absl::StrCat(CellSizeOf(spec, partition));
   }
   if (!spec.resumed.sha256_hex.empty()) metadata["resumedFrom"] = spec.resumed.sha256_hex;
@@ -62,6 +63,7 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
     }
   });
   if (!biases.empty()) metadata["bias"] = absl::StrJoin(biases, ", ");
+  if (s.IsStereo()) metadata[kViewsKey] = kStereoViews;
   return metadata;
 }
 
