@@ -45,7 +45,7 @@ def render(options, scene, path, samples, seed, *eyes):
     """The CPU seconds of the frame."""
     text = run(options, "render", scene, "-o", path, "--samples", samples, "--seed", seed,
                "--threads", 1, "--techniques", "camera", "--json", *eyes)
-    return json.loads(text.splitlines()[-1])["cost"]["cpu_seconds"]
+    return json.loads(text.splitlines()[-1])["progress"]["cpu_duration_seconds"]
 
 
 def measure(options, scene, folder, *eyes):

@@ -132,16 +132,42 @@ inline constexpr uint32_t kCloudTraits =
     ::sheaf::render::LightSplit(::sheaf::render::CommonTraits(true, false, false, true)))
 
 // X(name, traits), the generic ones last: they serve combinations too rare for their own variants.
-#define SHEAF_RENDER_VARIANTS(X)                                         \
-  X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)             \
+#define SHEAF_RENDER_VARIANTS(X)                                                      \
+  X("diffuse", ::sheaf::render::kDiffuseTraits)                                       \
+  X("glossy", ::sheaf::render::kGlossyTraits)                                         \
+  X("coated", ::sheaf::render::kCoatedTraits)                                         \
+  X("outdoor", ::sheaf::render::kOutdoorTraits)                                       \
+  X("open", ::sheaf::render::kOpenTraits)                                             \
+  X("moving", ::sheaf::render::kMovingTraits)                                         \
+  X("studio", ::sheaf::render::kStudioTraits)                                         \
+  X("cloud", ::sheaf::render::kCloudTraits)                                           \
+  X("colored glass", ::sheaf::render::kColoredGlassTraits)                            \
+  X("principled", ::sheaf::render::kPrincipledTraits)                                 \
+  SHEAF_COMMON_VARIANTS(X, "", )                                                      \
+  SHEAF_COMMON_VARIANTS(X, "mapped ", ::sheaf::render::Mapped)                        \
+  SHEAF_MEDIA_VARIANTS(X, "", )                                                       \
+  SHEAF_MEDIA_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                   \
+  X("spectral glossy", ::sheaf::render::Spectrally(::sheaf::render::kGlossyTraits))   \
+  X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits)) \
+  SHEAF_COMMON_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                  \
+  SHEAF_GUIDED_VARIANTS(X)                                                            \
+  SHEAF_LIGHT_SPLIT_VARIANTS(X)                                                       \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
   X("generic", ::sheaf::render::kAllTraits)
 
-#define SHEAF_LIGHT_PATH_VARIANTS(X)                         \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits) \
+// The variants of frames with light paths. Few: a path of either kind costs more than its traits.
+#define SHEAF_LIGHT_PATH_VARIANTS(X)                                                    \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false))                \
+  X("guided common",                                                                    \
+    ::sheaf::render::Guided(::sheaf::render::CommonTraits(false, false, false, false))) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                            \
   X("generic", ::sheaf::render::kAllTraits)
 
-#define SHEAF_EYE_VARIANTS(X)                                            \
-  X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)             \
+// The variants of stereo frames.
+#define SHEAF_EYE_VARIANTS(X)                                                         \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false))              \
+  X("common+environment", ::sheaf::render::CommonTraits(true, false, false, false))   \
+  X("mapped common+environment+cut-outs",                                             \
+    ::sheaf::render::Mapped(::sheaf::render::CommonTraits(true, false, false, true))) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
   X("generic", ::sheaf::render::kAllTraits)
