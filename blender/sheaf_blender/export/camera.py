@@ -81,18 +81,21 @@ def kind_of(camera):
     return {"PANO": "spherical", "ORTHO": "orthographic"}.get(camera.type, "perspective")
 
 
-def parameters(camera_object, scene, one, shutter, report):
-    """Parameters of the directive Camera. one: its State; shutter: (open, close) or None."""
+def parameters(kind, one):
+    """Parameters of the directive Camera for its projection. one: its State."""
+    if kind == "spherical":
+        return {"string mapping": "equirectangular"}
+    found = {"float screenwindow": one.window}
+    if kind == "perspective":
+        found["float fov"] = 90.0
+    return found
+
+
+def lens_parameters(camera_object, scene, one, shutter, report):
+    """Parameters of its lens and shutter. shutter: (open, close) or None."""
     camera = camera_object.data
     item = f'camera "{camera_object.name}"'
-    found = {}
-    if camera.type == "PANO":
-        found["string mapping"] = "equirectangular"
-    else:
-        found["float screenwindow"] = one.window
-        if camera.type != "ORTHO":
-            found["float fov"] = 90.0
-        found.update(_lens_parameters(camera.dof, one, item, report))
+    found = {} if camera.type == "PANO" else _lens_parameters(camera.dof, one, item, report)
     if shutter is not None:
         found["float shutteropen"], found["float shutterclose"] = shutter
         shape = _shutter_shape(scene.render.motion_blur_shutter_curve)

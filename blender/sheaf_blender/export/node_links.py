@@ -3,7 +3,7 @@
 """Follows links of node trees through groups, reroutes and muted nodes."""
 import dataclasses
 
-DEPTH_MAX = 200  # Nodes in a row; a longer chain is refused.
+DEPTH_MAX = 200  # Reroutes, groups and muted nodes in a row; a longer chain counts as not linked.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,8 +62,32 @@ def source(wanted):
             socket, groups = outer, groups[:-1]
         else:
             return Place(node, groups), output, None
-    raise ValueError(f'node "{socket.node.name}": more than {DEPTH_MAX} links in a row; simplify '
-                     "the node tree")
+    return None, None, Input(socket, groups)  # A circle of reroutes or muted nodes.
+
+
+class Memory:
+    """Reads each output once, however many inputs it feeds, and ends circles of links."""
+
+    def __init__(self, report, item):
+        self._report, self._item = report, item
+        self._found = {}
+        self._reading = set()
+
+    def read(self, place, output, reader, circular):
+        """The result of reader(), or that of an earlier call; circular within its own reading."""
+        key = (place.node.as_pointer(), output.identifier,
+               tuple(group.as_pointer() for group in place.groups))
+        if key in self._found:
+            return self._found[key]
+        if key in self._reading:
+            self._report.left_out(self._item, f'links in a circle through "{place.node.name}"')
+            return circular
+        self._reading.add(key)
+        try:
+            self._found[key] = reader()
+        finally:
+            self._reading.remove(key)
+        return self._found[key]
 
 
 def _group_output(tree):

@@ -17,6 +17,8 @@ class NodeValues:
     def __init__(self, item, report, images):
         self.item, self._report, self._images = item, report, images
         self.uses_uv = False
+        self._memory = node_links.Memory(report, item)
+        self._mappings = node_links.Memory(report, item)
 
     def read(self, wanted, usual=0.0):
         """The value of a node_links.Input; usual if there is no such socket."""
@@ -26,7 +28,8 @@ class NodeValues:
         if place is None:
             return _default(own.socket, usual)
         reader = _READERS.get(place.node.type)
-        value = (reader(self, place, output) if reader else self.read_other(place, output))
+        value = self._memory.read(place, output, lambda: (
+            reader(self, place, output) if reader else self.read_other(place, output)), None)
         if value is None:
             self._report.left_out(self.item, f'node "{place.node.name}" ({place.node.bl_label}) '
                                              f'behind "{wanted.socket.name}"; a constant is used')
@@ -80,7 +83,7 @@ class NodeValues:
         if place is None:
             return unmapped
         if place.node.type == "MAPPING":
-            return self._node_mapping(place)
+            return self._mappings.read(place, output, lambda: self._node_mapping(place), unmapped)
         if place.node.type == "UVMAP" or (place.node.type == "TEX_COORD" and output.name == "UV"):
             if place.node.type == "UVMAP" and place.node.uv_map:
                 self._report.approximated(self.item, f'UV map "{place.node.uv_map}": the one that '

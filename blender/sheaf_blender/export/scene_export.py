@@ -7,6 +7,7 @@ import os
 import shutil
 import time
 
+import mathutils
 import numpy
 
 from ..scene import materials
@@ -109,7 +110,10 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     camera_object = view.object.evaluated_get(depsgraph)
     kind = camera.kind_of(camera_object.data)
     states = [camera.state(view, depsgraph, scene)]
-    camera_parameters = camera.parameters(camera_object, scene, states[0], shutter, report)
+    camera_parameters = camera.parameters(kind, states[0])
+    with report.guard(f'camera "{camera_object.name}"'):
+        camera_parameters.update(camera.lens_parameters(camera_object, scene, states[0], shutter,
+                                                        report))
     text = SceneText(body)
     writer = SceneWriter(text, materials.TextureTable(text, images.file_of), images, content,
                          exposure, report)
@@ -118,17 +122,21 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     view_now = camera.views_of(states, kind)[0]
     for place in collector.lights:
         place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
-    sphere = sphere_of(geometries)
+    sphere = mathutils.Vector((0, 0, 0)), 1.0
+    with report.guard("scene"):
+        sphere = sphere_of(geometries)
     with report.guard("settings"):
         note_settings(depsgraph, camera_object, collector, sphere, report)
     background = _write_sky(text, depsgraph, exposure, images, content, report)
     _write_lights(text, collector.lights, exposure, sphere, images, content, report)
     moved = None
     if shutter is not None:
-        moved = _read_motion(depsgraph, collector, states, kind, settings, set_frame, shutter, view)
-        motion.write_deformed(moved, collector, content, report)
-        motion.note_lights(moved, collector, report)
-        states += _camera_motion(moved, camera_object, states[0], report)
+        with report.guard("motion blur"):
+            moved = _read_motion(depsgraph, collector, states, kind, settings, set_frame, shutter,
+                                 view)
+            motion.write_deformed(moved, collector, content, report)
+            motion.note_lights(moved, collector, report)
+            states += _camera_motion(moved, camera_object, states[0], report)
     writer.write(geometries, moved)
     medium = writer.write_camera_medium(
         inside_of.media_at(geometries, states[0].matrix.translation), camera_object.name)

@@ -68,12 +68,17 @@ class ShaderReader:
     def __init__(self, item, report, images):
         self.item, self.report = item, report
         self.values = NodeValues(item, report, images)
+        self._memory = node_links.Memory(report, item)
+        self._media = node_links.Memory(report, item)
 
     def surface(self, wanted):
         """The Closure behind a shader socket."""
-        place, _, _ = node_links.source(wanted)
+        place, output, _ = node_links.source(wanted)
         if place is None:
             return closures.NOTHING
+        return self._memory.read(place, output, lambda: self._surface(place), closures.NOTHING)
+
+    def _surface(self, place):
         reader = _SURFACES.get(place.node.type)
         if reader is None:
             self.report.left_out(self.item, f'shader "{place.node.name}" ({place.node.bl_label}); '
@@ -280,9 +285,12 @@ class ShaderReader:
 
     def medium(self, wanted):
         """The Medium behind a Volume socket, or None."""
-        place, _, _ = node_links.source(wanted)
+        place, output, _ = node_links.source(wanted)
         if place is None:
             return None
+        return self._media.read(place, output, lambda: self._medium(place), None)
+
+    def _medium(self, place):
         node = place.node
         if node.type == "PRINCIPLED_VOLUME":
             return self._principled_volume(place)

@@ -70,7 +70,7 @@ def write_world(text, scene, world, exposure, images, content, report):
     if any(node.type == "LIGHT_PATH" for node in world.node_tree.nodes):
         report.approximated(item, "Light Path: the world that the camera sees lights everything")
     try:
-        pixels = world_bake.bake(world, scene)
+        pixels, square = world_bake.bake(world, scene)
     except world_bake.BakeError as error:
         report.include(tried)
         report.left_out(item, f"its nodes, which cannot be rendered: {error}; the world is even")
@@ -78,7 +78,7 @@ def write_world(text, scene, world, exposure, images, content, report):
         gray = images.mean(mean) if not values.is_constant(mean) else mean
         return _constant(text, tuple(exposure * c for c in values.color(gray)))
     return _map(text, Background(BLACK, pixels, mathutils.Matrix.Identity(4), "EQUIRECTANGULAR",
-                                 exposure), content)
+                                 exposure), content, square)
 
 
 def _constant(text, radiance):
@@ -88,8 +88,10 @@ def _constant(text, radiance):
     return Background(radiance)
 
 
-def _map(text, background, content):
-    """A lookup that only turns and mirrors directions is the light's transform."""
+def _map(text, background, content, square=None):
+    """A lookup that only turns and mirrors directions is the light's transform. square: the
+    equal-area map, if there is one already.
+    """
     lookup = background.lookup
     lengths = [lookup.col[i].xyz.length for i in range(3)]
     axes = [lookup.col[i].xyz.normalized() for i in range(3)]
@@ -105,8 +107,9 @@ def _map(text, background, content):
         inside = numpy.eye(4)
     else:
         inside = numpy.array(lookup)
-    square = sphere_map.equal_area(numpy.maximum(background.pixels, 0), inside,
-                                   background.projection)
+    if square is None:
+        square = sphere_map.equal_area(numpy.maximum(background.pixels, 0), inside,
+                                       background.projection)
     text.directive("AttributeBegin")
     text.transform("ConcatTransform", turn)
     text.directive("LightSource", "infinite", {
@@ -124,6 +127,7 @@ class _WorldValues(NodeValues):
         super().__init__(item, report, images)
         self.lookup, self.projection, self.strength = None, "EQUIRECTANGULAR", 1.0
         self._environment = None
+        self._shaders = node_links.Memory(report, item)
 
     def shader(self, wanted):
         """The radiance as a value; None if it cannot be read. The strength of a single Background
@@ -146,7 +150,8 @@ class _WorldValues(NodeValues):
             return values.apply(color, "multiply", *(strength,) * 3)
         if kind not in ("MIX_SHADER", "ADD_SHADER"):
             return None
-        first, second = (self.shader(node_links.Input(socket, place.groups))
+        first, second = (self._shaders.read(place, socket, lambda socket=socket: self.shader(
+            node_links.Input(socket, place.groups)), None)
                          for socket in place.node.inputs if socket.type == "SHADER")
         if first is None or second is None:
             return None
@@ -190,7 +195,8 @@ class _WorldValues(NodeValues):
             return mathutils.Matrix.Identity(4)
         if node.type != "MAPPING":
             return None
-        inner = self._lookup_of(node_links.input_of(place, "Vector"))
+        inner = self._mappings.read(place, output, lambda: self._lookup_of(
+            node_links.input_of(place, "Vector")), None)
         found = [values.color(self.read(node_links.input_of(place, name), usual))
                  for name, usual in (("Location", BLACK), ("Rotation", BLACK),
                                      ("Scale", (1.0, 1.0, 1.0)))]

@@ -13,9 +13,11 @@ import bpy
 import numpy
 
 from ..farm import images as image_files
+from ..scene import sphere_map
 
 WIDTH_PX, HEIGHT_PX = 2048, 1024  # A pixel is a third of the sun's disk.
-SAMPLES = 16
+EDGE_TEXELS = 1024                # Of the square: a texel is as large as a pixel at the horizon.
+SAMPLES = 4
 SECONDS_MAX = 600
 KEPT_MAPS_MAX = 4
 _SCRIPT = pathlib.Path(__file__).with_name("world_bake_script.py")
@@ -27,12 +29,16 @@ class BakeError(Exception):
 
 
 def bake(world, scene):
-    """(height, width, 3) float32, rows from the bottom. Raises BakeError."""
+    """(pixels, square): (height, width, 3) float32, rows from the bottom, and the equal-area square
+    of them. Raises BakeError.
+    """
     key = _fingerprint(world.node_tree)
     if key not in _kept:
         while len(_kept) >= KEPT_MAPS_MAX:
             del _kept[next(iter(_kept))]
-        _kept[key] = _rendered(world, scene)
+        pixels = _rendered(world, scene)
+        _kept[key] = pixels, sphere_map.equal_area_from_equirectangular(
+            numpy.maximum(pixels, 0), EDGE_TEXELS)
     return _kept[key]
 
 

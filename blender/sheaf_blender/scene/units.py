@@ -14,6 +14,7 @@ from . import sphere_map
 
 SUN_DISK_RADIANS_MIN = 0.002  # A sun of less than this diameter casts sharp shadows.
 SPOT_MAP_EDGE = 512
+BLACKBODY_K = (800.0, 12000.0)  # Cycles' colors end there.
 
 
 def point_intensity(power_w):
@@ -67,6 +68,8 @@ def blackbody_rgb(kelvin):
     The observer: Wyman, Sloan and Shirley 2013, "Simple Analytic Approximations to the CIE XYZ
     Color Matching Functions", JCGT 2(2), its multi-lobe fit.
     """
+    kelvin = min(max(kelvin, BLACKBODY_K[0]), BLACKBODY_K[1])
+
     def lobe(x, mean, low, high):
         return math.exp(-0.5 * ((x - mean) * (low if x < mean else high)) ** 2)
     xyz = [0.0, 0.0, 0.0]

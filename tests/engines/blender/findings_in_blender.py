@@ -5,6 +5,7 @@ report. Renders nothing. Prints FINDINGS_OK.
 
 blender -b --factory-startup --python findings_in_blender.py -- FOLDER [CASE ...]
 """
+import importlib
 import os
 import re
 import sys
@@ -17,7 +18,7 @@ import scenes
 import scenes_findings
 import scenes_meaning
 from sheaf_blender import engine, operators
-from sheaf_blender.export import meshes as exporter_meshes
+from sheaf_blender.export import node_values, shaders, world_bake
 
 FOLDER, *CHOSEN = sys.argv[sys.argv.index("--") + 1:]
 
@@ -160,16 +161,68 @@ def test_other_layers_and_eyes_are_reported_where_one_is_written():
     Case(scenes_findings.two_eyes).says('stereoscopy: the views besides "left"')
 
 
-def test_exceptions_are_lines_of_the_report():
-    def fails(*_):
+# (module of the export, function, the item that its failure names, or "" if the frame fails by it).
+PLANTED = (
+    ("meshes", "read_parts", 'object "Ball"'), ("meshes", "read_at_corners", "motion"),
+    ("shaders", "read_material", 'material "Red"'),
+    ("shaders.ShaderReader", "diffuse", 'material "Red"'),
+    ("principled_node", "read_inputs", 'material "Clay"'), ("node_links", "source", "material"),
+    ("node_values.NodeValues", "image", 'material "Painted"'),
+    ("images.Images", "value", 'material "Painted"'), 
+    ("images", "write_pixels", 'material "Painted"'),
+    ("lights", "write_light", 'light "Point"'), ("lights", "color_of", 'light "Point"'),
+    ("world", "write_world", 'world "World"'), ("world_bake", "bake", 'world "World"'),
+    ("settings", "note_light", 'light "Point"'), ("settings", "_note_object", "settings"),
+    ("curves", "read_particle_hair", 'object "Ball"'), ("inside_of", "is_singular", "object"),
+    ("motion", "baked_files", 'object "Clay"'), ("motion", "read", "motion"),
+    ("camera", "lens_parameters", "camera"), ("camera", "state", ""),
+    ("scene_writer.SceneWriter", "_write_shapes", "object"),
+    ("scene_writer.SceneWriter", "_written", "material"), ("collector", "motion_key", "object"),
+    ("scene_export", "sphere_of", "scene"))
+
+
+def everything(b):
+    """A scene that uses all modules of the export."""
+    ball = scenes_findings.room(b)
+    scenes_meaning.painted(b, scenes_meaning.picture(b, "picture.png"))
+    clay = b.sphere("Clay", (2, 0, 1), 0.5, b.material("Clay", "ShaderNodeBsdfPrincipled"))
+    scenes_findings.key(clay, "location", {0: (2, 0, 1), 1: (2, 0, 1), 2: (3, 0, 1)})
+    b.light("POINT", (-2, -1, 4), energy=100.0)
+    ball.modifiers.new("Hair", "PARTICLE_SYSTEM").particle_system.settings.type = "HAIR"
+    ball.particle_systems[0].settings.count = 3
+    scenes_findings.key(ball, "location", {0: (-1, 0, 1), 2: (1, 0, 1)})
+    scenes_findings.blur(b)
+    tree = b.scene.world.node_tree
+    tree.links.new(tree.nodes.new("ShaderNodeTexVoronoi").outputs["Color"],
+                   tree.nodes["Background"].inputs["Color"])
+
+
+def test_exceptions_are_lines_of_the_report_and_end_no_process():
+    def fails(*_, **__):
         raise ArithmeticError("planted")
-    before, exporter_meshes.read_parts = exporter_meshes.read_parts, fails
-    try:
-        case = Case(scenes_findings.keyed)
-    finally:
-        exporter_meshes.read_parts = before
-    case.says('object "Ball": it cannot be exported: planted .ArithmeticError at')
-    case.has("^LightSource", 2)
+    small = (world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS)
+    world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS = 64, 32, 16
+    for module, name, item in PLANTED:
+        owner = importlib.import_module("sheaf_blender.export." + module.split(".")[0])
+        for part in module.split(".")[1:]:
+            owner = getattr(owner, part)
+        before = getattr(owner, name)
+        table = node_values._READERS if owner is node_values.NodeValues else shaders._SURFACES
+        saved = dict(table)
+        setattr(owner, name, fails)
+        table.update({key: fails for key, value in saved.items() if value is before})
+        try:
+            case = Case(everything)
+        except RuntimeError as error:  # The operator's own message; Blender runs on.
+            check("planted" in str(error) and not item, f"{module}.{name}: {error}")
+            continue
+        finally:
+            setattr(owner, name, before)
+            table.update(saved)
+        if item:
+            case.says(f"{item}.*planted .ArithmeticError at|{item}.*planted")
+            case.has("^WorldBegin", 1)
+    world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS = small
 
 
 def test_add_on_without_preferences():

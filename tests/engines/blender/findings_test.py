@@ -16,7 +16,8 @@ import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-SECONDS_MAX = 600
+SECONDS_MAX = 900
+RANDOM_SCENES = 60
 CHOSEN = []  # Cases; all if empty.
 
 
@@ -43,6 +44,10 @@ class FindingsTest(unittest.TestCase):
     def test_each_property_is_in_a_list(self):
         said, code = run_in_blender("settings_in_blender.py")
         self.assertTrue(code == 0 and "SETTINGS_OK" in said, said[-6000:])
+
+    def test_random_scenes(self):
+        said, code = run_in_blender("random_in_blender.py", "1", str(RANDOM_SCENES))
+        self.assertTrue(code == 0 and "RANDOM_OK" in said, said[-6000:])
 
     def test_findings(self):
         said, code = run_in_blender("findings_in_blender.py", *CHOSEN)

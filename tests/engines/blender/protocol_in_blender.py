@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs inside Blender: renders two view layers, two eyes, and frames of odd sizes and regions.
 
-blender -b --factory-startup --python protocol_in_blender.py -- WHAT cycles|sheaf SAMPLES OUTPUT FOLDER
-WHAT: layers, eyes or sizes. Sizes are checked here: SIZES_OK.
+blender -b --factory-startup --python protocol_in_blender.py -- WHAT ENGINE SAMPLES OUTPUT FOLDER
+WHAT: layers, eyes or sizes; ENGINE: cycles or sheaf. Sizes are checked here: SIZES_OK.
 """
 import os
 import random
@@ -64,8 +64,7 @@ def rendered_is_small(edges, width, height):
 
 def main():
     what, engine, samples, output, folder = sys.argv[sys.argv.index("--") + 1:][:5]
-    scene = in_blender.build({"layers": "two_layers", "eyes": "two_eyes", "sizes": "two_eyes"}[what],
-                             folder)
+    scene = in_blender.build("two_layers" if what == "layers" else "two_eyes", folder)
     image = scene.render.image_settings
     image.file_format, image.color_depth, image.color_mode = "OPEN_EXR", "32", "RGBA"
     (in_blender.use_sheaf if engine == "sheaf" else in_blender.use_cycles)(scene, int(samples))

@@ -385,7 +385,8 @@ def main():
     bench = Bench(arguments, folder)
     chosen = arguments.only or []
     failed = []
-    steps = {"protocol": lambda: protocol(bench, compare), "gltf": lambda: gltf(bench, compare, arguments.models),
+    steps = {"protocol": lambda: protocol(bench, compare),
+             "gltf": lambda: gltf(bench, compare, arguments.models),
              "passes": lambda: passes(bench), "exr": lambda: exr_checks(bench, compare),
              "farm": lambda: farm_checks(bench, compare),
              "operators": lambda: operators(bench), "export": lambda: export_time(bench)}
