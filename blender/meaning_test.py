@@ -75,6 +75,11 @@ class ImagePixelsTest(unittest.TestCase):
         self.assertFalse(image_pixels.has_alpha(self.pixels[:, :, :3]))
         self.assertTrue(image_pixels.has_alpha(self.pixels))
 
+    def test_mean_tilt(self):
+        n = numpy.array([math.sin(0.3), 0.0, math.cos(0.3)])
+        pixels = numpy.tile(numpy.float32(n * 0.5 + 0.5), (4, 4, 1))
+        self.assertAlmostEqual(image_pixels.mean_tilt_degrees(pixels), math.degrees(0.3), 3)
+
     def test_tiles_lie_side_by_side_and_missing_ones_are_pink(self):
         small, large = numpy.zeros((1, 1, 3)), numpy.ones((2, 2, 3))
         pixels, columns, rows = image_pixels.atlas({1001: small, 1012: large})
@@ -249,6 +254,20 @@ class FailureTest(unittest.TestCase):
     def test_interruptions_are_no_failures(self):
         with self.assertRaises(KeyboardInterrupt), report.Report().guard("object"):
             raise KeyboardInterrupt
+
+    def test_numbers_are_those_that_the_format_takes(self):
+        file = io.StringIO()
+        table = materials.MaterialTable(text.SceneText(file),
+                                        materials.TextureTable(text.SceneText(file), None))
+        table.name_of(materials.make("hair", floats={"eta": 0.0, "beta_m": 2.0}), "Hair")
+        self.assertIn('"float beta_m" 1 "float eta" 0.1', file.getvalue())
+
+    def test_surfaces_reflect_no_more_than_all(self):
+        bright = materials.diffuse((1.5, 0.5, 0.5))
+        self.assertEqual(materials.bounded(bright), materials.diffuse((1.0, 0.5, 0.5)))
+        self.assertEqual(materials.bounded(materials.mix(bright, RED, IMAGE)).parts[0],
+                         materials.diffuse((1.0, 0.5, 0.5)))
+        self.assertIs(materials.bounded(RED), RED)
 
     def test_names_stand_only_for_what_is_written(self):
         file = io.StringIO()

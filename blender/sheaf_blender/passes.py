@@ -57,8 +57,10 @@ def light_path_pass(kind):
 
 
 def _has_vector(scene, view_layer):
-    """Sheaf knows how far a surface moves while the shutter is open."""
-    return view_layer.use_pass_vector and scene.render.use_motion_blur
+    """Sheaf knows how far a surface moves while the shutter is open, but in panoramas."""
+    is_panorama = scene.camera is not None and scene.camera.data.type == "PANO"
+    return (view_layer.use_pass_vector and scene.render.use_motion_blur and not is_panorama
+            and view_layer.use_motion_blur)
 
 
 def options(scene, view_layer):
@@ -106,7 +108,8 @@ def left_out(scene, view_layer, report, keeps_sky):
             report.approximated(item, "the pass Vector is the even motion of the open shutter, "
                                       "scaled to a frame")
         else:
-            report.left_out(item, "the pass Vector, which needs Motion Blur")
+            report.left_out(item, "the pass Vector, which needs Motion Blur and no "
+                                  "panorama")
 
 
 def mist_settings(scene):

@@ -7,7 +7,7 @@ import bpy
 import numpy
 
 from ..scene import ply
-from . import curves, meshes, shaders
+from . import curves, meshes, shaders, smoke
 
 MESH_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 UNRENDERED_TYPES = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
@@ -34,6 +34,7 @@ class Geometry:
     keys: list = dataclasses.field(default_factory=list)  # To find the instances again later.
     may_deform: bool = False
     may_move: bool = True
+    smoke: object = None         # A smoke.Smoke inside the mesh.
 
 
 @dataclasses.dataclass
@@ -155,12 +156,19 @@ class Collector:
             shadings = [self.shading_of(slot.material) for slot in slots] or [self.shading_of(None)]
             may_move, may_deform = self._motion_settings(instance_object, kind)
             parts, radius = [], 0.0
-            for slot, arrays in meshes.read_parts(mesh, len(shadings)):
+            for slot, arrays in meshes.read_parts(
+                    mesh, [shading.uv_map for shading in shadings]):
                 if len(arrays.positions) == 0:
                     continue
                 radius = max(radius, float((arrays.positions.astype(float)**2).sum(axis=1).max()))
                 parts.append(self._part(shadings[slot], arrays, may_deform))
-            return Geometry(name, parts, radius**0.5, may_deform=may_deform, may_move=may_move)
+            found = Geometry(name, parts, radius**0.5, may_deform=may_deform, may_move=may_move)
+            found.smoke = smoke.read(instance_object, shadings[0], self._report)
+            if found.smoke is not None:
+                found.may_deform = found.may_move = False
+                for part in parts:
+                    part.shading = smoke.without_medium(part.shading)
+            return found
         finally:
             if is_copy:
                 instance_object.to_mesh_clear()

@@ -9,8 +9,8 @@ def media_at(geometries, point):
     """
     found = []
     for geometry in geometries:
-        if geometry.medium_grid is None and all(part.shading.medium is None
-                                                for part in geometry.parts):
+        if (geometry.medium_grid is None and geometry.smoke is None
+                and all(part.shading.medium is None for part in geometry.parts)):
             continue
         for index, matrix in enumerate(geometry.matrices):
             if matrix is None or is_singular(matrix):
@@ -23,7 +23,9 @@ def media_at(geometries, point):
                 part = containment.nearest_around(tuple(local), [
                     (part.arrays.positions, part.arrays.triangles)
                     for part in geometry.parts if part.arrays is not None])
-                if part is not None and geometry.parts[part].shading.medium is not None:
+                if part is not None and geometry.smoke is not None:
+                    found.append((geometry, index, None))
+                elif part is not None and geometry.parts[part].shading.medium is not None:
                     found.append((geometry, index, geometry.parts[part]))
     return found
 

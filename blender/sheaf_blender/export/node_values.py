@@ -1,7 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Values of sockets: constants, images, and what nodes make of them."""
-from ..scene import pixel_ops, values
+from ..scene import image_pixels, pixel_ops, values
 from ..scene.closures import PINK
 from . import node_links
 
@@ -16,7 +16,7 @@ class NodeValues:
 
     def __init__(self, item, report, images):
         self.item, self._report, self._images = item, report, images
-        self.uses_uv = False
+        self.uv_maps = set()  # Names of those that are used; "" is the one active for rendering.
         self._memory = node_links.Memory(report, item)
         self._mappings = node_links.Memory(report, item)
 
@@ -52,6 +52,11 @@ class NodeValues:
     def mean_of(self, value):
         return self._images.mean(value)
 
+    def tilt_of(self, value):
+        """The mean angle in degrees by which an image of tangent space normals tilts them."""
+        pixels = self._images.pixels(value)
+        return 0.0 if pixels is None else image_pixels.mean_tilt_degrees(pixels)
+
     def place_input(self, place, *names):
         return self.read(node_links.input_of(place, *names))
 
@@ -78,16 +83,17 @@ class NodeValues:
     def _mapping(self, wanted):
         """Scale and offset of u and v."""
         unmapped = (1.0, 1.0, 0.0, 0.0)
-        self.uses_uv = True
         place, output, _ = node_links.source(wanted)
+        if place is not None and place.node.type == "UVMAP":
+            self.uv_maps.add(place.node.uv_map)
+            return unmapped
+        if place is None or place.node.type != "MAPPING":
+            self.uv_maps.add("")
         if place is None:
             return unmapped
         if place.node.type == "MAPPING":
             return self._mappings.read(place, output, lambda: self._node_mapping(place), unmapped)
-        if place.node.type == "UVMAP" or (place.node.type == "TEX_COORD" and output.name == "UV"):
-            if place.node.type == "UVMAP" and place.node.uv_map:
-                self._report.approximated(self.item, f'UV map "{place.node.uv_map}": the one that '
-                                                     "is active for rendering is used")
+        if place.node.type == "TEX_COORD" and output.name == "UV":
             return unmapped
         self._report.approximated(self.item, f'texture coordinates of "{place.node.name}" '
                                              f"({output.name}): uv is used")

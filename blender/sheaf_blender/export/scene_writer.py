@@ -8,7 +8,7 @@ import numpy
 
 from ..scene import closures, materials, values
 from ..scene.text import parameters_text
-from . import inside_of, lights, motion
+from . import inside_of, lights, motion, smoke
 from .collector import Geometry
 
 _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
@@ -40,6 +40,8 @@ class SceneWriter:
         self._write_flat_ones(geometry, names)
         if geometry.medium_grid is not None:
             self._write_grids(geometry)
+        elif geometry.smoke is not None:
+            self._write_smoke(geometry, names)
         elif len(geometry.matrices) == 1 or any(map(self._emits, geometry.parts)):
             for i in range(len(geometry.matrices)):
                 self._write_alone(geometry, names, i, moved)
@@ -100,6 +102,11 @@ class SceneWriter:
             material = materials.make("interface")
         elif material is None:
             material = materials.diffuse((0.0, 0.0, 0.0))
+        limited = materials.bounded(material)
+        if limited != material:
+            self._report.approximated(f'material "{shading.name}"',
+                                      "a color above 1 reflects as much as 1")
+            material = limited
         is_open = materials.is_boundary(material) or closures.opacity(closure) != 1.0
         if shading.medium is not None and not is_open:
             self._report.left_out(f'material "{shading.name}"',
@@ -236,6 +243,21 @@ class SceneWriter:
                 text.raw(places[i])
             else:
                 self._write_baked(geometry, names, i, found, moved)
+            text.directive("AttributeEnd")
+
+    def _write_smoke(self, geometry, names):
+        """Each instance of a mesh with a grid of smoke of its own inside."""
+        text = self._text
+        for i, matrix in enumerate(geometry.matrices):
+            name = _grid_name(geometry, i)
+            text.directive("AttributeBegin")
+            text.transform("ConcatTransform", matrix)
+            found = smoke.parameters(geometry.smoke,
+                                     _coefficients(geometry.smoke.medium, 1.0, self._exposure))
+            text.raw(f'MakeNamedMedium "{_plain(name)}"{parameters_text(found)}'
+                     + smoke.densities(geometry.smoke))
+            self._write_shapes(geometry, [(material, name) for material, _ in names],
+                               geometry.object_names[i])
             text.directive("AttributeEnd")
 
     def _write_grids(self, geometry):

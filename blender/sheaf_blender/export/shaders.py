@@ -9,6 +9,9 @@ from . import node_links, principled_node, settings
 from .node_values import NodeValues
 
 
+TILT_MIN_DEGREES = 12.0  # Of a mean; below it the light differs by less than 3 %.
+
+
 @dataclasses.dataclass(frozen=True)
 class Medium:
     """A homogeneous medium, or the factors of a grid; per unit of world space."""
@@ -29,6 +32,7 @@ class Shading:
     medium: Medium | None = None
     has_surface: bool = True
     has_texture: bool = False  # Whether it uses the uv of the mesh.
+    uv_map: str = ""           # Its name; empty: the one that is active for rendering.
 
 
 PINK = Shading("cannot be read", Closure(materials.diffuse(closures.PINK)))
@@ -59,7 +63,12 @@ def read_material(material, report, images):
         if bump is not None:
             closure = dataclasses.replace(
                 closure, material=materials.with_bumps(closure.material, None, bump))
-    return Shading(material.name, closure, medium, has_surface, reader.values.uses_uv)
+    maps = reader.values.uv_maps
+    if len(maps) > 1:
+        report.approximated(item, f"{len(maps)} UV maps: the one that is active for rendering is "
+                                  "used")
+    return Shading(material.name, closure, medium, has_surface, bool(maps),
+                   next(iter(maps)) if len(maps) == 1 else "")
 
 
 class ShaderReader:
@@ -261,6 +270,11 @@ class ShaderReader:
                     color = values.apply(color, "normal_strength", strength)
                 if color.mapping != (1.0, 1.0, 0.0, 0.0):
                     self.report.left_out(self.item, "the Mapping of a normal map")
+                tilt = self.values.tilt_of(color)
+                if tilt > TILT_MIN_DEGREES:
+                    self.report.approximated(self.item, f"its normal map tilts by {tilt:.0f} "
+                                             "degrees on average: brighter than in Cycles, which "
+                                             "loses the light that leaves below the surface")
                 return color, None
         elif place.node.type == "BUMP":
             height = values.gray(self.value(place, "Height"))
@@ -269,6 +283,10 @@ class ShaderReader:
                         * (-1 if place.node.invert else 1))
             if node_links.source(node_links.input_of(place, "Normal"))[0] is not None:
                 self.report.left_out(self.item, f'what "{place.node.name}" is combined with')
+            if _scaled(height, distance) is not None:
+                self.report.approximated(self.item, "Bump: where it is steep it is brighter than "
+                                         "in Cycles, which loses the light that leaves below the "
+                                         "surface")
             return None, _scaled(height, distance)
         self.report.left_out(self.item, f'normals of "{place.node.name}" ({place.node.bl_label})')
         return None, None

@@ -7,6 +7,7 @@ from .closures import PINK
 
 FIRST_TILE, TILES_ACROSS = 1001, 10
 ATLAS_PIXELS_MAX = 1 << 28
+TILT_EDGE_PX = 256  # As many rows and columns at least are looked at.
 
 
 def linear_from_srgb(encoded):
@@ -49,6 +50,14 @@ def alphas(pixels):
     if pixels.shape[2] < 4:
         return numpy.ones((*pixels.shape[:2], 3), numpy.float32)
     return numpy.repeat(pixels[:, :, 3:4], 3, axis=2)
+
+
+def mean_tilt_degrees(pixels):
+    """The mean angle of tangent space normals from the surface's; of every few pixels."""
+    step = max(1, max(pixels.shape[:2]) // TILT_EDGE_PX)
+    normals = 2 * pixels[::step, ::step].astype(numpy.float64) - 1
+    length = numpy.maximum(numpy.linalg.norm(normals, axis=-1), 1e-9)
+    return float(numpy.degrees(numpy.arccos(numpy.clip(normals[..., 2] / length, -1, 1))).mean())
 
 
 def atlas(tiles):

@@ -52,11 +52,47 @@ def with_bumps(material, normal_map, bump):
                                bump=None if normal_map is not None else bump)
 
 
+# Colors that a surface multiplies light by; the format refuses those above 1.
+_SHARES = {"reflectance", "transmittance", "base_color", "specular_tint", "sheen_color"}
+
+
+def bounded(material):
+    """The material with constant colors of at most 1."""
+    colors = tuple((name, tuple(min(x, 1.0) for x in values.color(value))
+                    if name in _SHARES and values.is_constant(value)
+                    and max(values.color(value)) > 1 else value)
+                   for name, value in material.colors)
+    parts = tuple(map(bounded, material.parts))
+    if colors == material.colors and parts == material.parts:
+        return material
+    return dataclasses.replace(material, colors=colors, parts=parts)
+
+
 def is_boundary(material):
     """Whether light enters the shape, so that a medium inside is seen."""
     crosses = ("transmission" in dict(material.floats) if material.kind == "principled" else
                material.kind in ("dielectric", "interface", "subsurface"))
     return crosses or any(is_boundary(part) for part in material.parts)
+
+
+# The format's ranges, where Blender takes more: docs/pbrt-v4.md, docs/principled.md.
+_INDEX = {"eta": (0.01, 100)}
+_RANGES = {"dielectric": _INDEX, "thindielectric": _INDEX, "subsurface": _INDEX,
+           "coateddiffuse": _INDEX,
+           "hair": {"alpha": (-90, 90), "beta_m": (0, 1), "beta_n": (0, 1), "eta": (0.1, 10)},
+           "principled": {
+               "anisotropy": (0, 1), "coat": (0, 1), "coat_ior": (1, 10), "coat_roughness": (0, 1),
+               "ior": (1, 10), "iridescence_ior": (1, 10),
+               "iridescence_thickness_nm": (0, 10000), "metallic": (0, 1), "roughness": (0, 1),
+               "sheen_roughness": (0, 1), "specular": (0, 1), "transmission": (0, 1)}}
+
+
+def _bounded(kind, name, value):
+    """A constant within the range of the format."""
+    limits = _RANGES.get(kind, {}).get(name)
+    if limits is None or not values.is_constant(value):
+        return value
+    return min(max(float(values.gray(value)), limits[0]), limits[1])
 
 
 class TextureTable:
@@ -133,7 +169,8 @@ class MaterialTable:
         for name, value in material.colors:
             parameters.update(self._textures.parameter(name, value, True))
         for name, value in material.floats:
-            parameters.update(self._textures.parameter(name, value, False))
+            parameters.update(self._textures.parameter(
+                name, _bounded(material.kind, name, value), False))
         parameters.update(material.others)
         parameters.update(self._bumps(material))
         name = wanted

@@ -11,6 +11,7 @@ import re
 import sys
 
 import bpy
+import numpy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import in_blender
@@ -83,6 +84,18 @@ def test_media_of_one_name_are_two():
     case.has("^MakeNamedMedium", 2)
     media = re.findall(r'"rgb sigma_s" (\[.*?\])', case.text)
     check(len(set(media)) == 2, f"two media have two colors: {media}")
+
+
+def test_gas_domains_have_their_grid():
+    case = Case(scenes_findings.smoke)
+    case.is_silent()
+    size = [int(n) for n in re.search(
+        r'"uniformgrid".*"integer nx" (\d+) "integer ny" (\d+) "integer nz" (\d+)',
+        case.text).groups()]
+    densities = re.search(r'"float density" \[(.*?)\]', case.text)[1].split()
+    check(len(densities) == size[0] * size[1] * size[2] > 1000, f"{len(densities)} cells: {size}")
+    check(max(map(float, densities)) > 0.5, "there is smoke")
+    case.has('"homogeneous"', 0)
 
 
 def test_what_is_scaled_to_nothing_is_invisible():
@@ -276,6 +289,16 @@ def test_images_without_uv_have_one_texel():
     path = re.search(r'filename" "([^"]*ply)"', case.text)[1]
     with open(path, "rb") as file:
         check(b"property float u" in file.read(400), "uv are written")
+
+
+def test_named_uv_maps_are_used():
+    case = Case(scenes_meaning.image_of_second_uv)
+    case.is_silent()
+    path = re.search(r'filename" "([^"]*ply)"', case.text)[1]
+    with open(path, "rb") as file:
+        body = file.read().split(b"end_header\n")[1]
+    uvs = numpy.frombuffer(body[:80], "<f4").reshape(4, 5)[:, 3:]
+    check(sorted(map(tuple, uvs.tolist())) == [(0, 0), (0, 1), (1, 0), (1, 1)], f"uv: {uvs}")
 
 
 def test_worlds_are_read_or_rendered():

@@ -32,9 +32,10 @@ PACKAGES = ("blender", "python3-numpy", "python3-openimageio", "python3-openvdb"
 SCENES = ("lights", "principled", "coats", "textures", "normals", "glass", "emission", "world",
           "volumes", "instances", "hair", "motion", "lens", "mattes")
 FINDINGS = (
-    "fog_around_camera", "camera_under_water", "scaled_to_nothing", "mirrored_camera", "spin",
-    "acceleration", "blur_off", "zoom", "image_tiles", "image_missing", "image_none",
-    "image_without_uv", "image_packed", "image_curves", "mix_clear_light", "add_clear_light",
+    "smoke", "fog_around_camera", "camera_under_water", "scaled_to_nothing", "mirrored_camera",
+    "spin", "acceleration", "blur_off", "zoom", "image_tiles", "image_missing", "image_none",
+    "image_without_uv", "image_of_second_uv", "image_packed", "image_curves", "mix_clear_light",
+    "add_clear_light",
     "mix_matt_light", "add_one", "mix_one", "world_moved", "world_of_object", "world_ball",
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",

@@ -4,6 +4,7 @@
 media, things scaled to nothing, motion that is not even. Each is one report's case.
 """
 import math
+import os
 
 import bpy
 import mathutils
@@ -54,6 +55,24 @@ def camera_under_water(b):
     room(b)
     b.cube("Water", Matrix.Diagonal((9, 9, 9, 1)),
            volume(b, "Water", "ShaderNodeVolumeAbsorption", Color=(0.2, 0.4, 0.8, 1), Density=0.2))
+
+
+def smoke(b):
+    """A baked gas domain."""
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.4)
+    bpy.context.object.name = "Source"
+    bpy.ops.object.quick_smoke()
+    domain = bpy.context.object
+    settings = domain.modifiers[0].domain_settings
+    settings.resolution_max, settings.cache_frame_end = 24, 12
+    settings.cache_type, settings.cache_directory = "ALL", os.path.join(b.folder, "smoke")
+    with bpy.context.temp_override(object=domain, active_object=domain, selected_objects=[domain]):
+        bpy.ops.fluid.bake_all()
+    b.camera((0, -9, 2.2), (0, 0, 2), 40)
+    b.background(0.6)
+    b.light("POINT", (-3, -4, 5), energy=800.0, shadow_soft_size=0.0)
+    b.scene.cycles.volume_bounces = 16
+    b.scene.frame_set(10)
 
 
 def volumes_of_one_name(b):

@@ -105,6 +105,21 @@ def image_without_uv(b):
     made.data.uv_layers.remove(made.data.uv_layers[0])
 
 
+def image_of_second_uv(b):
+    """The map that is active for rendering shows one texel, and the named one the image."""
+    made = painted(b, picture(b, "picture.png"))
+    second = made.data.uv_layers.new(name="Second")
+    for corner in made.data.uv_layers[0].data:
+        corner.uv = (0.9, 0.9)
+    for i, uv in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
+        second.data[i].uv = uv
+    made.data.uv_layers[0].active_render = True
+    tree = made.data.materials[0].node_tree
+    chosen = tree.nodes.new("ShaderNodeUVMap")
+    chosen.uv_map = "Second"
+    tree.links.new(chosen.outputs[0], tree.nodes["Image Texture"].inputs["Vector"])
+
+
 def image_packed(b):
     image = picture(b, "picture.png")
     image.pack()
