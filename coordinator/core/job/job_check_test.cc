@@ -113,6 +113,22 @@ TEST(JobCheckTest, LargeFramesHaveFewerLightPassesInALease) {
   EXPECT_EQ(passes_of(16384, 16384), 0u);
 }
 
+TEST(JobCheckTest, StereoFramesHaveLimits) {
+  const auto stereo = [](int32_t width_px, int32_t height_px) {
+    JobSpec job = JobOf(width_px, height_px, 4096);
+    job.frames[0].settings.eye_distance = 0.1f;
+    return job;
+  };
+  EXPECT_TRUE(CheckJobSpec(stereo(1280, 480), Limits()).ok());
+  EXPECT_TRUE(CheckJobSpec(stereo(3840, 1080), Limits()).ok());
+  ExpectRefused(stereo(7680, 2160), "pixels of both eyes", "render a smaller image");
+  ExpectRefused(stereo(639, 480), "both eyes are rendered whole", "");
+  JobSpec job = stereo(1280, 480);
+  EXPECT_EQ(LightPassesMax(job.frames[0].settings, Limits()), Limits().light_pass_count_max);
+  job.frames[0].settings.techniques = TechniqueSet::kLight;
+  ExpectRefused(job, "paths from the camera alone", "--techniques camera");
+}
+
 // A pass of a crop traces the paths of the whole, or it would not be a part of it.
 TEST(JobCheckTest, LightPathsDoNotDependOnTheWindow) {
   FrameSettings settings = JobOf(640, 480, 16).frames[0].settings;

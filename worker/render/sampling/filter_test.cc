@@ -153,6 +153,24 @@ TEST(PixelFilter, BoxesOfOnePixelDivideTheFilm) {
   }
 }
 
+// Each pixel samples one point of the film; in the middle their densities add up to about 1.
+TEST_P(PixelFilterTest, AFrameSamplesOnePointAPixel) {
+  const auto filter = PixelFilter::Make(SceneWith(GetParam(), 1.5f, 2));
+  ASSERT_TRUE(filter.ok()) << filter.status();
+  constexpr int kWidth = 5, kHeight = 3;
+  constexpr double kStep = 1.0 / 64;
+  double sum = 0;
+  for (double y = -2 + kStep / 2; y < kHeight + 2; y += kStep) {
+    for (double x = -2 + kStep / 2; x < kWidth + 2; x += kStep) {
+      sum += filter->SamplesAt({x, y}, kWidth, kHeight) * kStep * kStep;
+    }
+  }
+  EXPECT_NEAR(sum, kWidth * kHeight, 0.01 * kWidth * kHeight);
+  EXPECT_NEAR(filter->SamplesAt({20.25, 20.75}, 40, 40), 1, 0.25);
+  EXPECT_EQ(filter->SamplesAt({-1.6, 1}, kWidth, kHeight), 0);
+  EXPECT_EQ(filter->SamplesAt({1, kHeight + 2.1}, kWidth, kHeight), 0);
+}
+
 TEST(PixelFilterErrors, NameFilterAndReason) {
   SceneDescription no_sigma = SceneWith(Kind::kGaussian, 2, 2);
   no_sigma.filter.sigma = 0;
