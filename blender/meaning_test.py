@@ -23,7 +23,7 @@ import settings_document
 from sheaf_blender import passes
 from sheaf_blender.scene import (closures, containment, frame_size, image_pixels, materials,
                                  pixel_ops, report, settings_table, settings_without_effect,
-                                 sphere_map, text, values)
+                                 sphere_map, text, units, values)
 from sheaf_blender.scene.closures import BLACK, EMPTY, NOTHING, Closure
 
 RED, WHITE = materials.diffuse((0.8, 0.1, 0.1)), materials.diffuse((0.8, 0.8, 0.8))
@@ -188,6 +188,15 @@ class ColorTest(unittest.TestCase):
         found = pixel_ops.run(pixels, (("curves", (tables, 0.0, 1.0, True, 0.5)),))
         numpy.testing.assert_allclose(found[0, 2], 2 + (1 + 1.75 - 2) / 2)
         numpy.testing.assert_allclose(found[1, 1], -1.0)
+
+    def test_black_bodies_run_from_red_to_blue(self):
+        for kelvin in (965, 1167, 1449, 1902, 3315, 6365):
+            before, after = units.blackbody_rgb(kelvin - 0.01), units.blackbody_rgb(kelvin)
+            numpy.testing.assert_allclose(before, after, rtol=0.01, atol=0.01)
+        for kelvin in (1500, 3000, 6500, 10000):
+            self.assertAlmostEqual(values.gray(units.blackbody_rgb(kelvin)), 1.0, 1)
+        self.assertEqual(units.blackbody_rgb(-5), units.blackbody_rgb(800))
+        self.assertEqual(units.blackbody_rgb(1e9), units.blackbody_rgb(12000))
 
     def test_mirror_balls_show_what_is_behind_at_their_edge(self):
         directions = numpy.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0],

@@ -135,6 +135,8 @@ class NodeValues:
         a = self.place_input(place, f"A_{suffix}", "Color1")
         b = self.place_input(place, f"B_{suffix}", "Color2")
         blend = node.blend_type if suffix == "Color" else "MIX"
+        if getattr(node, "clamp_factor", True):
+            factor = values.clamped(factor)
         value = self._blended(blend, a, b, factor)
         if value is not None and getattr(node, "use_clamp", getattr(node, "clamp_result", False)):
             value = values.apply(value, "clamp", 0.0, 1.0)

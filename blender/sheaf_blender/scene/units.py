@@ -62,26 +62,36 @@ def spot_map(size_rad, blend, edge=SPOT_MAP_EDGE):
     return numpy.repeat((t * t * (3 - 2 * t) * numpy.maximum(cosine, 0))[..., None], 3, axis=-1)
 
 
+# Cycles' fit of the color of black bodies in linear Rec.709, for temperatures from the first number
+# on: a / K + b K + c for red and green, a cubic polynomial of K for blue.
+_BLACKBODY = (
+    (800, (1.61919106e+03, -2.05010916e-03, 5.02995757),
+     (-4.88999748e+02, 6.04330754e-04, -7.55807526e-02),
+     (5.96945309e-11, -4.85742887e-08, -9.70622247e-05, -4.07936148e-03)),
+    (965, (2.48845471e+03, -1.11330907e-03, 3.22621544),
+     (-7.55994277e+02, 3.16730098e-04, 4.78306139e-01),
+     (2.40430366e-11, 5.55021075e-08, -1.98503712e-04, 2.89312858e-02)),
+    (1167, (3.34143193e+03, -4.86551192e-04, 1.76486769),
+     (-1.02363977e+03, 1.20223470e-04, 9.36662319e-01),
+     (-1.40949732e-11, 1.89878968e-07, -3.56632824e-04, 9.10767778e-02)),
+    (1449, (4.09461742e+03, -1.27446582e-04, 7.25731635e-01),
+     (-1.26571316e+03, 4.87340896e-06, 1.27054498),
+     (-3.61460868e-11, 2.84822009e-07, -4.93211319e-04, 1.56723440e-01)),
+    (1902, (4.67028036e+03, 2.91258199e-05, 1.26703442e-01),
+     (-1.42529332e+03, -4.01150431e-05, 1.43972784),
+     (-1.97075738e-11, 1.75359352e-07, -2.50542825e-04, -2.22783266e-02)),
+    (3315, (4.59509185e+03, 2.87495649e-05, 1.50345020e-01),
+     (-1.17554822e+03, -2.16378048e-05, 1.30408023),
+     (-1.61997957e-13, -1.64216008e-08, 3.86216271e-04, -7.38077418e-01)),
+    (6365, (3.78717450e+03, 9.35907826e-06, 3.99075871e-01),
+     (-5.00799571e+02, -4.59832026e-06, 1.09098763),
+     (6.72650283e-13, -2.73078809e-08, 4.24098264e-04, -7.52335691e-01)))
+
+
 def blackbody_rgb(kelvin):
-    """Linear Rec.709 color of a black body of luminance 1, by the CIE 1931 observer.
-
-    The observer: Wyman, Sloan and Shirley 2013, "Simple Analytic Approximations to the CIE XYZ
-    Color Matching Functions", JCGT 2(2), its multi-lobe fit.
-    """
+    """Linear Rec.709 color of a black body of luminance 1, as Cycles has it."""
     kelvin = min(max(kelvin, BLACKBODY_K[0]), BLACKBODY_K[1])
-
-    def lobe(x, mean, low, high):
-        return math.exp(-0.5 * ((x - mean) * (low if x < mean else high)) ** 2)
-    xyz = [0.0, 0.0, 0.0]
-    for nm in range(380, 781, 5):
-        radiance = nm**-5.0 * 1e13 / math.expm1(1.438777e7 / (nm * kelvin))
-        x = (1.056 * lobe(nm, 599.8, 0.0264, 0.0323) + 0.362 * lobe(nm, 442.0, 0.0624, 0.0374)
-             - 0.065 * lobe(nm, 501.1, 0.0490, 0.0382))
-        y = 0.821 * lobe(nm, 568.8, 0.0213, 0.0247) + 0.286 * lobe(nm, 530.9, 0.0613, 0.0322)
-        z = 1.217 * lobe(nm, 437.0, 0.0845, 0.0278) + 0.681 * lobe(nm, 459.0, 0.0385, 0.0725)
-        for i, response in enumerate((x, y, z)):
-            xyz[i] += radiance * response
-    x, y, z = (value / xyz[1] for value in xyz)
-    return (max(0.0, 3.2404542 * x - 1.5371385 * y - 0.4985314 * z),
-            max(0.0, -0.9692660 * x + 1.8760108 * y + 0.0415560 * z),
-            max(0.0, 0.0556434 * x - 0.2040259 * y + 1.0572252 * z))
+    _, red, green, blue = [row for row in _BLACKBODY if row[0] <= kelvin][-1]
+    found = [a / kelvin + b * kelvin + c for a, b, c in (red, green)]
+    found.append(((blue[0] * kelvin + blue[1]) * kelvin + blue[2]) * kelvin + blue[3])
+    return tuple(max(0.0, x) for x in found)

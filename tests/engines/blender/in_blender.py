@@ -11,6 +11,7 @@ import time
 import bpy
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import random_scenes
 import scenes
 import scenes_findings
 import scenes_meaning
@@ -21,6 +22,9 @@ BOUNCES = 16
 
 def build(name, folder):
     builder = scenes.Builder(folder)
+    if name.startswith("handled"):
+        random_scenes.handled(int(name[7:]))(builder)
+        return builder.scene
     module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning)
                   if hasattr(module, name))
     getattr(module, name)(builder)

@@ -184,3 +184,117 @@ class RandomScene:
         scene.camera.data.type = self.random.choice(("PERSP", "PERSP", "PERSP", "ORTHO", "PANO"))
         if self.random.random() < 0.2:
             layer.material_override = self.random.choice(list(bpy.data.materials))
+
+
+class HandledScene(RandomScene):
+    """A scene out of nodes that the add-on has in full: trees without circles, from constants."""
+
+    def build(self):
+        self.b.camera()
+        self.b.background(self.random.uniform(0.2, 1.0), [self.random.random() for _ in range(3)])
+        self.b.plane(20, self.material("Floor"))
+        for i in range(self.random.randint(1, 4)):
+            place = [self.random.uniform(-2.5, 2.5), self.random.uniform(-1, 3), 0.8]
+            self.b.sphere(f"Ball {i}", place, self.random.uniform(0.3, 0.8),
+                          self.material(f"Ball {i}"))
+        self.b.light("SUN", (3, -4, 6), energy=self.random.uniform(0, 2), angle=0.0)
+
+    def tree(self, tree):
+        output = next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+        for node in [node for node in tree.nodes if node != output]:
+            tree.nodes.remove(node)
+        self._tree = tree
+        tree.links.new(self.shader(2), output.inputs["Surface"])
+
+    def node(self, kind, links, **settings):
+        made = self._tree.nodes.new(kind)
+        for name, value in settings.items():
+            setattr(made, name, value)
+        for socket, source in links:
+            self._tree.links.new(source, made.inputs[socket])
+        return made
+
+    def shader(self, depth):
+        """The output of a shader, at most white and with little light."""
+        kind = self.random.random()
+        if depth == 0 or kind < 0.4:
+            return self.node("ShaderNodeBsdfDiffuse", [("Color", self.limited(2))]).outputs[0]
+        if kind < 0.5:
+            return self.node("ShaderNodeBsdfTransparent", []).outputs[0]
+        if kind < 0.65:
+            made = self.node("ShaderNodeEmission", [("Color", self.limited(2))])
+            made.inputs["Strength"].default_value = self.random.uniform(0, 1)
+            return made.outputs[0]
+        if kind < 0.75:
+            return self.node("ShaderNodeBsdfTranslucent", [("Color", self.limited(1))]).outputs[0]
+        made = self.node("ShaderNodeMixShader", [(1, self.shader(depth - 1)),
+                                                 (2, self.shader(depth - 1))])
+        made.inputs[0].default_value = self.random.choice((0.0, 0.25, 0.5, 0.8, 1.0))
+        return made.outputs[0]
+
+    def limited(self, depth):
+        """A color between 0.05 and 0.8: every channel by itself."""
+        parts = self.node("ShaderNodeSeparateRGB", [(0, self.color(depth))])
+        limits = [self.node("ShaderNodeClamp", [("Value", parts.outputs[i])]) for i in range(3)]
+        for made in limits:
+            made.inputs["Min"].default_value, made.inputs["Max"].default_value = 0.05, 0.8
+        return self.node("ShaderNodeCombineRGB", [(i, made.outputs[0])
+                                                  for i, made in enumerate(limits)]).outputs[0]
+
+    def color(self, depth):
+        if depth == 0:
+            made = self.node("ShaderNodeRGB", [])
+            made.outputs[0].default_value = (*(self.random.random() for _ in range(3)), 1)
+            return made.outputs[0]
+        first = self.color(depth - 1)
+        number = lambda low, high: self.random.uniform(low, high)
+        kind = self.random.choice(("mix", "gamma", "invert", "hue", "bright", "curves", "ramp",
+                                   "math", "range", "blackbody"))
+        if kind == "mix":
+            made = self.node("ShaderNodeMixRGB", [(1, first), (2, self.color(depth - 1))],
+                             use_clamp=self.random.random() < 0.5,
+                             blend_type=self.random.choice((
+                                 "MIX", "MULTIPLY", "ADD", "SUBTRACT", "DIFFERENCE", "DARKEN",
+                                 "LIGHTEN", "SCREEN", "OVERLAY", "DIVIDE")))
+            made.inputs[0].default_value = number(-0.5, 1.5)
+            return made.outputs[0]
+        if kind == "curves":
+            made = self.node("ShaderNodeRGBCurve", [("Color", first)])
+            for curve in made.mapping.curves:
+                curve.points.new(number(0.2, 0.8), number(0, 1))
+            made.mapping.update()
+            made.inputs[0].default_value = number(0, 1)
+            return made.outputs[0]
+        if kind == "ramp":
+            made = self.node("ShaderNodeValToRGB", [(0, first)])
+            made.color_ramp.elements.new(number(0.2, 0.8)).color = (number(0, 1), 0.5, 0.2, 1)
+            return made.outputs[0]
+        if kind == "math":
+            made = self.node("ShaderNodeMath", [(0, first)], operation=self.random.choice((
+                "ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "POWER", "MINIMUM", "MAXIMUM", "SQRT",
+                "ABSOLUTE", "LESS_THAN", "GREATER_THAN", "FRACT", "FLOOR", "CEIL", "ROUND",
+                "EXPONENT", "SINE", "COSINE", "MODULO")), use_clamp=self.random.random() < 0.5)
+            made.inputs[1].default_value = number(-1, 2)
+            return made.outputs[0]
+        if kind == "range":
+            made = self.node("ShaderNodeMapRange", [("Value", first)],
+                             clamp=self.random.random() < 0.5)
+            for socket in made.inputs[1:5]:
+                socket.default_value = number(-1, 2)
+            return made.outputs[0]
+        if kind == "blackbody":
+            made = self.node("ShaderNodeBlackbody", [])
+            made.inputs[0].default_value = number(500, 14000)
+            return made.outputs[0]
+        made = self.node({"gamma": "ShaderNodeGamma", "invert": "ShaderNodeInvert",
+                          "hue": "ShaderNodeHueSaturation", "bright": "ShaderNodeBrightContrast"
+                          }[kind], [("Color", first)])
+        for socket in made.inputs:
+            if socket.type == "VALUE":
+                socket.default_value = number(0, 1) if kind != "gamma" else number(0.3, 3)
+        return made.outputs[0]
+
+
+def handled(seed):
+    """A function that builds a HandledScene, for in_blender.py."""
+    return lambda builder: HandledScene(builder, seed).build()

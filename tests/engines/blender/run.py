@@ -40,6 +40,7 @@ FINDINGS = (
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
     "shutter_curve")
+RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # Of random_scenes.HandledScene.
 MEAN_DIFFERENCE_MAX = 0.03  # Of the mean of each channel.
 EXPORT_SECONDS_MAX = 10.0
 START_SECONDS_MAX = 120
@@ -359,8 +360,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", type=lambda t: t.split(","),
-                        help="scenes, or findings, protocol, gltf, passes, exr, farm, operators, "
-                        "export")
+                        help="scenes, or findings, random, protocol, gltf, passes, exr, farm, "
+                        "operators, export")
     parser.add_argument("--models", type=lambda t: t.split(","), help="of glTF, to compare")
     parser.add_argument("--samples", type=int, default=1024, help="of Sheaf (default 1024)")
     parser.add_argument("--cycles-samples", type=int, default=1024)
@@ -392,7 +393,7 @@ def main():
              "farm": lambda: farm_checks(bench, compare),
              "operators": lambda: operators(bench), "export": lambda: export_time(bench)}
     arguments.only = [name for each in chosen if each not in steps
-                      for name in (FINDINGS if each == "findings" else (each,))]
+                      for name in {"findings": FINDINGS, "random": RANDOM}.get(each, (each,))]
     if arguments.only or not chosen:
         failed += pictures(bench, compare)
     for name, step in steps.items():
