@@ -213,8 +213,6 @@ def everything(b):
 def test_exceptions_are_lines_of_the_report_and_end_no_process():
     def fails(*_, **__):
         raise ArithmeticError("planted")
-    small = (world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS)
-    world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS = 64, 32, 16
     for module, name, item in PLANTED:
         owner = importlib.import_module("sheaf_blender.export." + module.split(".")[0])
         for part in module.split(".")[1:]:
@@ -235,7 +233,6 @@ def test_exceptions_are_lines_of_the_report_and_end_no_process():
         if item:
             case.says(f"{item}.*planted .ArithmeticError at|{item}.*planted")
             case.has("^WorldBegin", 1)
-    world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS = small
 
 
 def test_add_on_without_preferences():
@@ -360,6 +357,7 @@ def test_settings_without_counterpart_are_reported():
 def main():
     tests = {name[5:]: test for name, test in globals().items() if name.startswith("test_")}
     failed = 0
+    world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS = 64, 32, 16
     for name, test in tests.items():
         if CHOSEN and name not in CHOSEN:
             continue
