@@ -123,7 +123,7 @@ def _shares(jobs: dict[JobWork, float]) -> dict[JobWork, float]:
     shows: dict[str, dict[str, list[JobWork]]] = {}
     for job in jobs:
         shows.setdefault(job.show, {}).setdefault(job.user, []).append(job)
-    shares = {}
+    shares: dict[JobWork, float] = {}
     all_shows = sum(_first(users).show_weight for users in shows.values())
     for users in shows.values():
         of_show = _first(users).show_weight / all_shows

@@ -70,7 +70,7 @@ class PackageTest(unittest.TestCase):
             text = file.read()
         unused = {call for call in calls if f'"{call}"' not in text and f".{call}(" not in text}
         self.assertEqual(unused, {"CreateJob", "CollectGarbage", "SetShare", "ResetShare",
-                                  "ListShares", "ListUsage", "ReadTaskBundle"})
+                                  "ListUsage", "ReadTaskBundle"})
 
     def test_states_are_those_of_the_messages(self):
         from sheaf.v1 import frame_pb2, job_pb2
