@@ -112,26 +112,25 @@ TEST(EyesTest, PixelsPerAreaAreTheJacobianOfTheFilmPoint) {
     const CompiledScenePtr scene = ShiftScene(lens_radius);
     Random random(7);
     for (int i = 0; i < 1000; ++i) {
-      const SurfacePoint point = RandomPoint(*scene, &random);
+      SurfacePoint point = RandomPoint(*scene, &random);
       const Vec2f lens{static_cast<float>(random.Uniform()), static_cast<float>(random.Uniform())};
       const Frame frame = Frame::FromNormal(point.ng);
+      // Four points around it, rounded to float as the point is, and the normal of their plane.
+      constexpr double kStep = 1e-3;
+      const auto beside = [&](Vec3f axis, double step) {
+        return ToFloat(ToDouble(point.p) + ToDouble(axis) * step);
+      };
+      const Vec3f a[] = {beside(frame.t, kStep), beside(frame.t, -kStep)};
+      const Vec3f b[] = {beside(frame.b, kStep), beside(frame.b, -kStep)};
+      const Vec3d cross = Cross(ToDouble(a[0]) - ToDouble(a[1]), ToDouble(b[0]) - ToDouble(b[1]));
+      point.ng = ToFloat(Normalize(cross));
       for (const Eye eye : kEyes) {
         Vec3f unused;
         const std::optional<Sight> sight = SightOf(*scene, eye, point, lens, 0, &unused);
         ASSERT_TRUE(sight.has_value());
-        // Central differences of the film point along two axes of the surface.
-        constexpr double kStep = 2e-3;
-        const Camera& camera = scene->eyes->of(eye);
-        Vec2d on_film[2];
-        Vec3d on_surface[2];
-        for (int axis = 0; axis < 2; ++axis) {
-          const Vec3d t = ToDouble(axis == 0 ? frame.t : frame.b) * kStep;
-          const Vec3f up = ToFloat(ToDouble(point.p) + t), down = ToFloat(ToDouble(point.p) - t);
-          on_surface[axis] = ToDouble(up) - ToDouble(down);
-          on_film[axis] = camera.SampleWi(up, lens, 0)->film - camera.SampleWi(down, lens, 0)->film;
-        }
-        const double pixels = std::fabs(on_film[0].x * on_film[1].y - on_film[0].y * on_film[1].x) /
-                              Length(Cross(on_surface[0], on_surface[1]));
+        const auto film = [&](Vec3f p) { return scene->eyes->of(eye).SampleWi(p, lens, 0)->film; };
+        const Vec2d of_a = film(a[0]) - film(a[1]), of_b = film(b[0]) - film(b[1]);
+        const double pixels = std::fabs(of_a.x * of_b.y - of_a.y * of_b.x) / Length(cross);
         EXPECT_NEAR(sight->pixels / pixels, 1, 1e-4);
       }
     }
