@@ -145,8 +145,7 @@ TEST_F(MappedSurfaceTest, TheScaleOfANormalMapMultipliesItsSlopes) {
   }
 }
 
-// A square that fills the image and is lit evenly shows the mean of its colors, each weighted by
-// the triangles that have the corner. Its texture is times them.
+// A square that fills the image and is lit evenly shows the mean of its colors times its texture.
 TEST_F(MappedSurfaceTest, ColorsOfVerticesMultiplyTheTexture) {
   Write(1, {{0.8f, 0.5f, 0.25f}});
   const std::vector<VertexColor> colors = {
