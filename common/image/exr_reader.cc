@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <ImfFrameBuffer.h>
 #include <ImfInputFile.h>
+#include <half.h>
 
 #include <algorithm>
 #include <exception>
@@ -40,6 +41,12 @@ void ReadPixels(const std::string& path, const ExrHeader& part,
 }
 
 }  // namespace
+
+float FloatOfHalf(uint16_t bits) {
+  half number;
+  number.setBits(bits);
+  return number;
+}
 
 std::optional<PlainImage> ReadExr(const std::string& path, const PlainRequest& request) {
   const absl::StatusOr<std::optional<ExrFileHeader>> file = ReadExrHeader(path);

@@ -3,10 +3,8 @@
 #include "common/image/plain_image.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <fstream>
-#include <limits>
 #include <utility>
 
 #include "common/base/file.h"
@@ -42,16 +40,6 @@ Number Load(const PlainImage& image, size_t at) {
 
 }  // namespace
 
-float FloatOfHalf(uint16_t bits) {
-  const float sign = (bits & 0x8000) != 0 ? -1.0f : 1.0f;
-  const int exponent = (bits >> 10) & 31;
-  const auto fraction = static_cast<float>(bits & 1023);
-  if (exponent == 0) return sign * std::ldexp(fraction, -24);
-  if (exponent < 31) return sign * std::ldexp(1024 + fraction, exponent - 25);
-  return fraction == 0 ? sign * std::numeric_limits<float>::infinity()
-                       : std::numeric_limits<float>::quiet_NaN();
-}
-
 float NumberAt(const PlainImage& image, size_t at) {
   switch (image.type) {
     case PlainImage::Type::kUint8:
@@ -84,6 +72,11 @@ std::optional<PlainImage> MakePlainImage(int64_t width, int64_t height, int chan
 
 std::optional<PlainImage> ReadPlainImage(const std::string& path, const PlainRequest& request) {
   if (std::optional<PlainImage> exr = ReadExr(path, request)) return exr;
+  // A file is read as a whole only if its beginning is that of such an image.
+  if (!request.is_header_enough &&
+      !ReadPlainImage(path, {.bytes_max = request.bytes_max, .is_header_enough = true})) {
+    return std::nullopt;
+  }
   const std::optional<std::string> bytes = BytesOf(path, request);
   if (!bytes) return std::nullopt;
   for (const auto read : {ReadPng, ReadJpeg, ReadPfm, ReadTga}) {

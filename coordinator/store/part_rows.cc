@@ -56,6 +56,21 @@ absl::StatusOr<std::vector<bool>> InsertTogether(std::span<const PartRow* const>
   return is_stored;
 }
 
+constexpr char kWhereKey[] =
+    "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND count = ? AND "
+    "cells = ? AND kind = ?";
+
+void BindKey(const PartKey& key, Statement* statement) {
+  statement->Bind(key.frame.job_id)
+      .Bind(key.frame.frame_number)
+      .Bind(key.tile.y0)
+      .Bind(key.tile.x0)
+      .Bind(key.block.first)
+      .Bind(key.block.count)
+      .Bind(key.cells.mask)
+      .Bind(StoredForm(key.kind));
+}
+
 }  // namespace
 
 absl::Status InsertPart(const PartRow& row, Database* database) {
@@ -99,18 +114,9 @@ absl::StatusOr<std::vector<PartRow>> LoadPartRows(uint64_t job_id, std::vector<P
 }
 
 absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key, Database* database) {
-  Statement query = database->Prepare(
-      absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"),
-                   "WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? AND first = ? AND "
-                   "count = ? AND cells = ? AND kind = ?"));
-  query.Bind(key.frame.job_id)
-      .Bind(key.frame.frame_number)
-      .Bind(key.tile.y0)
-      .Bind(key.tile.x0)
-      .Bind(key.block.first)
-      .Bind(key.block.count)
-      .Bind(key.cells.mask)
-      .Bind(StoredForm(key.kind));
+  Statement query =
+      database->Prepare(absl::StrCat(SelectFrom<Sealed<PartRow>>("parts"), kWhereKey));
+  BindKey(key, &query);
   absl::StatusOr<std::vector<PartRow>> rows = ReadPartRows(&query);
   if (!rows.ok()) return rows.status();
   if (rows->empty()) return std::optional<PartRow>();
@@ -162,17 +168,9 @@ absl::StatusOr<std::vector<JobStore::TileCost>> TileCosts(const FrameId& frame,
 }
 
 absl::StatusOr<uint64_t> DeletePart(const PartKey& key, Database* database) {
-  Statement removal = database->Prepare(
-      "DELETE FROM parts WHERE job_id = ? AND frame_number = ? AND y0 = ? AND x0 = ? "
-      "AND first = ? AND count = ? AND cells = ? AND kind = ? RETURNING size_bytes");
-  removal.Bind(key.frame.job_id)
-      .Bind(key.frame.frame_number)
-      .Bind(key.tile.y0)
-      .Bind(key.tile.x0)
-      .Bind(key.block.first)
-      .Bind(key.block.count)
-      .Bind(key.cells.mask)
-      .Bind(StoredForm(key.kind));
+  Statement removal =
+      database->Prepare(absl::StrCat("DELETE FROM parts ", kWhereKey, " RETURNING size_bytes"));
+  BindKey(key, &removal);
   uint64_t bytes = 0;
   while (true) {
     const absl::StatusOr<bool> removed = removal.Step();

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What HttpApi answers to operators of a farm: accounts, readiness and metrics.
+// HttpApi's answers to operators of a farm: accounts, readiness and metrics.
 #pragma once
 
 #include <vector>
