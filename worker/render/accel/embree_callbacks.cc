@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Callbacks for Embree. For single rays, its N-wide records have the layout of the single ones.
+// Callbacks of user geometry for Embree. For single rays, its N-wide records have the layout of the
+// single ones.
 #include "worker/render/accel/embree_callbacks.h"
 
 #include <algorithm>
@@ -13,124 +14,9 @@
 #include "common/base/check.h"
 #include "worker/render/geometry/bilinear_patch.h"
 #include "worker/render/geometry/curve.h"
-#include "worker/render/geometry/deforming_mesh.h"
-#include "worker/render/geometry/needle.h"
 
 namespace sheaf::render {
 namespace {
-
-Vec3d Origin(const RTCRay& r) { return {r.org_x, r.org_y, r.org_z}; }
-Vec3d Direction(const RTCRay& r) { return {r.dir_x, r.dir_y, r.dir_z}; }
-
-const TraceContext& ContextOf(const QueryContext* context) {
-  return *reinterpret_cast<const TraceContext*>(context);
-}
-
-// A hit that Embree found and a filter checks. While filters run, the ray ends at the hit.
-struct Candidate {
-  const TraceContext& context;
-  const TracedMesh& traced;
-  const BakedMesh& mesh;
-  RTCRay& ray;
-  RTCHit& hit;
-
-  explicit Candidate(const RTCFilterFunctionNArguments* args)
-      : context(ContextOf(args->context)),
-        traced(*static_cast<const TracedMesh*>(args->geometryUserPtr)),
-        mesh(*traced.mesh),
-        ray(*reinterpret_cast<RTCRay*>(args->ray)),
-        hit(*reinterpret_cast<RTCHit*>(args->hit)) {}
-
-  // The triangle that the ray leaves, or the emitter on which it ends: a line meets either once.
-  bool IsAtEnd() const {
-    return context.IsSource(hit.geomID, hit.primID) || context.IsEnd(mesh.surface, hit.primID);
-  }
-  const uint32_t* Indices() const { return &mesh.indices[3 * static_cast<size_t>(hit.primID)]; }
-  float AlongNormal() const { return TimesNormal(ray.dir_x, ray.dir_y, ray.dir_z); }
-  // The distance to the triangle's plane, as Embree has it before its division.
-  float PlaneDistance(float along) const {
-    const Vec3f corner = mesh.positions[Indices()[0]];
-    return TimesNormal(corner.x - ray.org_x, corner.y - ray.org_y, corner.z - ray.org_z) / along;
-  }
-  float TimesNormal(float x, float y, float z) const {
-    return std::fma(x, hit.Ng_x, std::fma(y, hit.Ng_y, z * hit.Ng_z));
-  }
-  // Bound of the error of PlaneDistance, and of the triangle's own coordinates.
-  float Doubt(float along) const {
-    const Vec3f& reach = traced.reach;
-    const float sum = std::fabs(hit.Ng_x) * (reach.x + std::fabs(ray.org_x)) +
-                      std::fabs(hit.Ng_y) * (reach.y + std::fabs(ray.org_y)) +
-                      std::fabs(hit.Ng_z) * (reach.z + std::fabs(ray.org_z));
-    return kPlaneRounding * sum / std::fabs(along);
-  }
-  RawHit HitAt(float t) const { return {t, 0, 0, context.IdOf(hit.geomID, hit.primID)}; }
-  bool Take(float t, float doubt) const {
-    if (!context.Take(HitAt(t), doubt)) return false;
-    ray.tfar = context.SearchEndOf();
-    return true;
-  }
-};
-
-// For a mesh without needles Embree decides which hits exist; we compute their distance.
-void JudgeNearest(const RTCFilterFunctionNArguments* args) {
-  const Candidate candidate(args);
-  args->valid[0] = 0;
-  if (candidate.IsAtEnd()) return;
-  const float along = candidate.AlongNormal();
-  if (!candidate.Take(candidate.PlaneDistance(along), candidate.Doubt(along))) return;
-  args->valid[0] = -1;
-  candidate.context.unsettled = &candidate.mesh;
-}
-void JudgeAny(const RTCFilterFunctionNArguments* args) {
-  const Candidate candidate(args);
-  const float along = candidate.AlongNormal();
-  const bool is_in_the_way =
-      !candidate.IsAtEnd() &&
-      candidate.context.Blocks(candidate.HitAt(candidate.PlaneDistance(along)),
-                               candidate.Doubt(along));
-  if (!is_in_the_way) args->valid[0] = 0;
-}
-// Recomputes a hit in double, or rejects it. The result may be farther than Embree's, up to the
-// last accepted hit. find_hit: intersects the ray with a triangle of the mesh (three indices).
-// kAny: for rays that ask only whether something is hit.
-template <bool kAny, typename FindHit>
-void TestAgain(const RTCFilterFunctionNArguments* args, const FindHit& find_hit) {
-  const Candidate candidate(args);
-  args->valid[0] = 0;
-  if (candidate.IsAtEnd()) return;
-  const std::optional<TriangleHit> found =
-      find_hit(candidate.mesh, candidate.Indices(), candidate.ray);
-  const float t = found.has_value() ? static_cast<float>(found->t) : 0;
-  if (!(t > 0)) return;
-  const float doubt = candidate.Doubt(candidate.AlongNormal());
-  if (kAny ? !candidate.context.Blocks(candidate.HitAt(t), doubt) : !candidate.Take(t, doubt))
-    return;
-  args->valid[0] = -1;
-  candidate.hit.u = static_cast<float>(found->u);
-  candidate.hit.v = static_cast<float>(found->v);
-}
-template <bool kAny>
-void TestNeedleAgain(const RTCFilterFunctionNArguments* args) {
-  TestAgain<kAny>(args, [](const BakedMesh& mesh, const uint32_t* t, const RTCRay& ray) {
-    return IntersectTriangle(Origin(ray), Direction(ray),
-                             {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
-                              ToDouble(mesh.positions[t[2]])});
-  });
-}
-template <bool kAny>
-void TestDeformedAgain(const RTCFilterFunctionNArguments* args) {
-  TestAgain<kAny>(args,
-                  [](const BakedMesh& mesh, const uint32_t* t,
-                     const RTCRay& ray) -> std::optional<TriangleHit> {
-                    const DeformedTriangle triangle =
-                        DeformedTriangleAt(mesh, t, VertexTimeAt(mesh, ray.time));
-                    const auto& [a, b, c] = triangle.corners;
-                    // At this time the triangle may be degenerate.
-                    if (!(LengthSquared(Cross(b - a, c - a)) > 0)) return std::nullopt;
-                    return IntersectTriangle(Origin(ray), Direction(ray), triangle.corners,
-                                             CornerErrorOf(mesh, triangle));
-                  });
-}
 
 void SetBounds(RTCBounds* out, Vec3f lower, Vec3f upper) {
   out->lower_x = lower.x;
@@ -153,6 +39,12 @@ float DoubtOf(const RTCRay& ray, float t, Vec3f coordinate_max) {
       std::sqrt(ray.dir_x * ray.dir_x + ray.dir_y * ray.dir_y + ray.dir_z * ray.dir_z);
   const float reach = coordinate_max.x + coordinate_max.y + coordinate_max.z;
   return kDistanceDoubt * t + kPlaneRounding * reach / length;
+}
+// Ends the search if the hit hides the ray's end.
+bool Block(const TraceContext& context, const RawHit& hit, float doubt, RTCRay* ray) {
+  if (!context.Blocks(hit, doubt)) return false;
+  ray->tfar = -std::numeric_limits<float>::infinity();
+  return true;
 }
 // Accepts a hit of a shape that was intersected in double, if it is the nearest.
 bool Accept(const TraceContext& context, const RawHit& hit, float doubt, RTCRayHit* ray_hit) {
@@ -213,11 +105,8 @@ void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
-  FindQuadricHits(context, list, args->primID, *ray, [&](const RawHit& hit, float doubt) {
-    if (!context.Blocks(hit, doubt)) return false;
-    ray->tfar = -std::numeric_limits<float>::infinity();
-    return true;
-  });
+  FindQuadricHits(context, list, args->primID, *ray,
+                  [&](const RawHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
 }
 
 void BoundPatch(const RTCBoundsFunctionArguments* args) {
@@ -264,11 +153,8 @@ void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
-  FindPatchHits(context, list, args->primID, *ray, [&](const RawHit& hit, float doubt) {
-    if (!context.Blocks(hit, doubt)) return false;
-    ray->tfar = -std::numeric_limits<float>::infinity();
-    return true;
-  });
+  FindPatchHits(context, list, args->primID, *ray,
+                [&](const RawHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
 }
 
 void BoundCurve(const RTCBoundsFunctionArguments* args) {
@@ -322,7 +208,7 @@ void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
       HitCurve(context, list, args->primID, *ray, context.ray.t_max);
   if (!hit.has_value()) return;
   const RawHit found{static_cast<float>(hit->t), 0, 0, context.IdOf(list.geometry, args->primID)};
-  if (context.Blocks(found, 0)) ray->tfar = -std::numeric_limits<float>::infinity();
+  Block(context, found, 0, ray);
 }
 
 void BoundPlaced(const RTCBoundsFunctionArguments* args) {
@@ -363,6 +249,7 @@ void IntersectPlacedList(const RTCIntersectFunctionNArguments* args) {
   if (inner.hit.geomID == RTC_INVALID_GEOMETRY_ID) return;
   Settle(context, &inner);
   outside.unsettled = nullptr;
+  outside.passes_beside = context.passes_beside;
   outside.nearest = context.nearest;
   outside.nearest_doubt = context.nearest_doubt;
   outer->ray.tfar = inner.ray.tfar;
@@ -376,39 +263,12 @@ void OccludePlacedList(const RTCOccludedFunctionNArguments* args) {
   auto* outer = reinterpret_cast<RTCRay*>(args->ray);
   const PlacedGroup& placed = (*list.placed)[args->primID];
   RTCRay inner = RayInGroup(list, placed, *outer);
-  const TraceContext context(ContextOf(args->context), list.first + args->primID);
+  const TraceContext& outside = ContextOf(args->context);
+  const TraceContext context(outside, list.first + args->primID);
   TraceAny((*list.scenes)[placed.group], &context, &inner);
   if (inner.tfar < 0) outer->tfar = -std::numeric_limits<float>::infinity();
+  outside.is_undecided |= context.is_undecided;
 }
-
-}  // namespace
-
-void Settle(const TraceContext& context, RTCRayHit* ray_hit) {
-  if (context.unsettled == nullptr) return;
-  const BakedMesh& mesh = *context.unsettled;
-  const uint32_t* t = &mesh.indices[3 * static_cast<size_t>(ray_hit->hit.primID)];
-  const std::array<double, 3> weights =
-      CornerWeights(Origin(ray_hit->ray), Direction(ray_hit->ray),
-                    {ToDouble(mesh.positions[t[0]]), ToDouble(mesh.positions[t[1]]),
-                     ToDouble(mesh.positions[t[2]])});
-  ray_hit->hit.u = static_cast<float>(weights[1]);
-  ray_hit->hit.v = static_cast<float>(weights[2]);
-}
-
-void FilterTriangles(RTCGeometry triangles, TracedMesh* mesh, bool has_needles) {
-  rtcSetGeometryUserData(triangles, mesh);
-  rtcSetGeometryIntersectFilterFunction(triangles,
-                                        has_needles ? TestNeedleAgain<false> : JudgeNearest);
-  rtcSetGeometryOccludedFilterFunction(triangles, has_needles ? TestNeedleAgain<true> : JudgeAny);
-}
-
-void FilterDeforming(RTCGeometry triangles, TracedMesh* mesh) {
-  rtcSetGeometryUserData(triangles, mesh);
-  rtcSetGeometryIntersectFilterFunction(triangles, TestDeformedAgain<false>);
-  rtcSetGeometryOccludedFilterFunction(triangles, TestDeformedAgain<true>);
-}
-
-namespace {
 
 // Sets up a user geometry of `count` primitives.
 void SetCallbacks(RTCGeometry user, size_t count, void* list, RTCBoundsFunction bound,

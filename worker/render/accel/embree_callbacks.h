@@ -42,7 +42,7 @@ void FilterTriangles(RTCGeometry triangles, TracedMesh* mesh, bool has_needles);
 // The same for a deforming mesh, whose triangles may be needles at any time.
 void FilterDeforming(RTCGeometry triangles, TracedMesh* mesh);
 
-// Computes u and v of the final hit.
+// Computes u and v of the final hit, and whether the ray passes beside its triangle.
 void Settle(const TraceContext& context, RTCRayHit* ray_hit);
 
 // `list` must outlive the geometry.

@@ -11,6 +11,8 @@
 #include <embree3/rtcore.h>
 #endif
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "worker/render/accel/embree_scene.h"
@@ -36,6 +38,17 @@ inline float SearchEnd(float t) { return t * (1 + kDistanceDoubt); }
 // 1/256 to it.
 inline constexpr float kEndBounds = 256;
 
+// Triangles that a ray passes by, although the tracer's rounding keeps the ray (EmbreeScene).
+struct PassedTriangles {
+  static constexpr int kCountMax = 4;
+  std::array<PrimitiveId, kCountMax> ids;
+  int count = 0;
+
+  bool Contains(PrimitiveId id) const {
+    return std::find(ids.begin(), ids.begin() + count, id) != ids.begin() + count;
+  }
+};
+
 // Embree passes its context to callbacks; ours adds the ray, the placed group that is being traced
 // (kNotPlaced for the world), and the nearest hit so far.
 struct TraceContext {
@@ -46,17 +59,23 @@ struct TraceContext {
   // doubt of its distance, in lengths of the direction.
   const Contact* start = nullptr;
   double start_doubt = 0;
+  const PassedTriangles* passed = nullptr;  // Null: none.
   uint32_t here = kNotPlaced;
   // Initially the ray's end, without an id. nearest.contact may grow after the hit was taken.
   mutable RawHit nearest;
   mutable float nearest_doubt = 0;  // Initially that of the ray's end.
   // The mesh of a hit whose u and v are still Embree's; null where they are ours (Settle).
   mutable const BakedMesh* unsettled = nullptr;
+  // The ray passes beside the triangle of the nearest hit, within the tracer's rounding.
+  mutable bool passes_beside = false;
+  // A triangle may hide the ray's end, but the ray passes so near to an edge that the search for
+  // the nearest hit must decide.
+  mutable bool is_undecided = false;
 
   // plane_bound: of the distance of any emitter's plane from the one that is meant.
   TraceContext(const SceneGeometry& scene, float plane_bound, const Ray& traced,
-               const Contact* left)
-      : geometry(scene), ray(traced), start(left) {
+               const Contact* left, const PassedTriangles* passed_by = nullptr)
+      : geometry(scene), ray(traced), start(left), passed(passed_by) {
     nearest.t = ray.t_max;
     if (ray.end == Ray::End::kEmitter) nearest_doubt = kEndBounds * plane_bound / Length(ray.d);
     if (left != nullptr) [[unlikely]]
@@ -69,6 +88,7 @@ struct TraceContext {
         ray(outside.ray),
         start(outside.start),
         start_doubt(outside.start_doubt),
+        passed(outside.passed),
         here(placed),
         nearest(outside.nearest),
         nearest_doubt(outside.nearest_doubt) {
@@ -82,6 +102,9 @@ struct TraceContext {
   }
   bool IsSource(uint32_t id_of_geometry, uint32_t primitive) const {
     return IdOf(id_of_geometry, primitive) == ray.source;
+  }
+  bool IsPassedBy(uint32_t id_of_geometry, uint32_t primitive) const {
+    return passed != nullptr && passed->Contains(IdOf(id_of_geometry, primitive));
   }
   // Whether the primitive is the emitter on which the ray ends; false for one of its cells.
   bool IsEnd(const Surface& surface, uint32_t primitive) const {
@@ -109,6 +132,7 @@ struct TraceContext {
     nearest.contact = contact;
     nearest_doubt = doubt;
     unsettled = nullptr;
+    passes_beside = false;
     return true;
   }
   // Whether the hit hides the ray's end.
@@ -164,6 +188,13 @@ inline void TraceAny(RTCScene scene, const TraceContext* context, RTCRay* ray) {
 #else
   rtcOccluded1(scene, context->Handed(), ray);
 #endif
+}
+
+inline Vec3d Origin(const RTCRay& r) { return {r.org_x, r.org_y, r.org_z}; }
+inline Vec3d Direction(const RTCRay& r) { return {r.dir_x, r.dir_y, r.dir_z}; }
+
+inline const TraceContext& ContextOf(const QueryContext* context) {
+  return *reinterpret_cast<const TraceContext*>(context);
 }
 
 // Without its end.

@@ -28,6 +28,10 @@ namespace {
 // memory.
 constexpr size_t kHighQualityTrianglesMax = size_t{1} << 23;
 
+// A ray that is turned across an edge meets the surface that continues there if it meets one at
+// most this fraction of the distance farther.
+constexpr float kNeighborDistance = 0x1p-7f;
+
 Vec3f ReachOf(const BakedMesh& mesh) {
   Vec3f reach;
   for (size_t step = 0; step <= mesh.steps.size(); ++step) {
@@ -217,12 +221,14 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
 
 void EmbreeScene::NoteOutsideIsDark() { state_->leak_guard.NoteOutsideIsDark(); }
 
-[[gnu::always_inline]] inline bool EmbreeScene::TraceFrom(const Contact* start, const Ray& ray,
-                                                          RawHit* hit) const {
+[[gnu::always_inline]] inline bool EmbreeScene::TraceFrom(const Contact* start,
+                                                          const PassedTriangles* passed,
+                                                          const Ray& ray, RawHit* hit,
+                                                          bool* passes_beside) const {
   RTCRayHit ray_hit;
   ray_hit.ray = ToRtc(ray);
   ClearHit(&ray_hit.hit);
-  const TraceContext context(*state_->described, state_->plane_bound, ray, start);
+  const TraceContext context(*state_->described, state_->plane_bound, ray, start, passed);
   ray_hit.ray.tfar = context.SearchEndOf();
   TraceNearest(state_->scenes[0], &context, &ray_hit);
   if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
@@ -232,14 +238,17 @@ void EmbreeScene::NoteOutsideIsDark() { state_->leak_guard.NoteOutsideIsDark(); 
           ray_hit.hit.v,
           {ray_hit.hit.geomID, ray_hit.hit.primID, ray_hit.hit.instID[0]},
           context.nearest.contact};
+  *passes_beside = context.passes_beside;
   return true;
 }
 
-bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
+[[gnu::always_inline]] inline bool EmbreeScene::TraceOnce(const Ray& ray,
+                                                          const PassedTriangles* passed,
+                                                          RawHit* hit, bool* passes_beside) const {
   if (!(ray.contact > 0)) [[likely]]
-    return TraceFrom(nullptr, ray, hit);
+    return TraceFrom(nullptr, passed, ray, hit, passes_beside);
   const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
-  if (!TraceFrom(start ? &*start : nullptr, ray, hit)) return false;
+  if (!TraceFrom(start ? &*start : nullptr, passed, ray, hit, passes_beside)) return false;
   // The hit was not compared with the surface that the ray left.
   if (start && hit->contact < ray.contact) {
     const std::optional<Contact> met = ContactAt(*state_->described, ray, *hit);
@@ -248,12 +257,46 @@ bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
   return true;
 }
 
-[[gnu::always_inline]] inline bool EmbreeScene::OccludedFrom(const Contact* start,
-                                                             const Ray& ray) const {
+bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
+  bool passes_beside = false;
+  if (!TraceOnce(ray, nullptr, hit, &passes_beside)) return false;
+  return !passes_beside || TraceBeside(ray, hit);
+}
+
+bool EmbreeScene::IsOpenBeside(const Ray& ray, const RawHit& hit) const {
+  const auto is_near = [&hit](const RawHit& beside) {
+    return beside.t - hit.t <= kNeighborDistance * hit.t;
+  };
+  for (int widening = 0; widening <= 1; ++widening) {
+    RawHit beside;
+    bool passes_beside = false;
+    const Ray turned = BesideEdge(*state_->described, ray, hit, widening);
+    if (!TraceOnce(turned, nullptr, &beside, &passes_beside)) continue;
+    if (is_near(beside)) return false;
+    // Where the surface is seen edge-on, the turned ray meets it far behind.
+    if (state_->leak_guard.TouchesAtEdge(ray, &beside) && is_near(beside)) return false;
+  }
+  return true;
+}
+
+bool EmbreeScene::TraceBeside(const Ray& ray, RawHit* hit) const {
+  PassedTriangles passed;
+  while (passed.count < PassedTriangles::kCountMax && IsOpenBeside(ray, *hit)) {
+    passed.ids[passed.count++] = hit->id;
+    bool passes_beside = false;
+    if (!TraceOnce(ray, &passed, hit, &passes_beside)) return false;
+    if (!passes_beside) return true;
+  }
+  return true;
+}
+
+[[gnu::always_inline]] inline bool EmbreeScene::OccludedFrom(const Contact* start, const Ray& ray,
+                                                             bool* is_undecided) const {
   RTCRay r = ToRtc(ray);
   const TraceContext context(*state_->described, state_->plane_bound, ray, start);
   r.tfar = context.SearchEndOf();
   TraceAny(state_->scenes[0], &context, &r);
+  *is_undecided = context.is_undecided;
   return r.tfar < 0;
 }
 
@@ -294,14 +337,16 @@ bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
 }
 
 bool EmbreeScene::Occluded(const Ray& ray) const {
-  bool is_hidden = false;
+  bool is_hidden = false, is_undecided = false;
   if (!(ray.contact > 0)) [[likely]] {
-    is_hidden = OccludedFrom(nullptr, ray);
+    is_hidden = OccludedFrom(nullptr, ray, &is_undecided);
   } else {
     const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
-    is_hidden = OccludedFrom(start ? &*start : nullptr, ray);
+    is_hidden = OccludedFrom(start ? &*start : nullptr, ray, &is_undecided);
   }
   RawHit hit;
+  if (is_undecided && !is_hidden) [[unlikely]]
+    return Intersect(ray, &hit);
   return is_hidden || LeaksAtEdge(ray, &hit);
 }
 

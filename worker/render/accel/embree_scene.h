@@ -11,6 +11,9 @@
 // are compared in double, and surfaces at one place by their order in space (contact.h), in
 // whatever order they are found.
 //
+// Embree widens triangles by about 2^-23, so that rays on shared edges meet one of the neighbors.
+// Where there is no neighbor, a ray beside a triangle passes it (docs/adr/0104).
+//
 // Hits of meshes with needles are tested again in double (needle.h). Quadrics, bilinear patches,
 // curves and placed groups are user geometry, so that they are intersected in double and equally
 // under every version of Embree.
@@ -28,6 +31,7 @@
 namespace sheaf::render {
 
 struct Contact;
+struct PassedTriangles;
 
 struct RecordedRay {
   Ray ray;
@@ -58,10 +62,21 @@ class EmbreeScene {
 
  private:
   EmbreeScene();
+  // Without those that rounding lets pass at a vertex (LeaksAtEdge).
   bool Trace(const Ray& ray, RawHit* hit) const;
+  // As the tracer has it: *passes_beside is whether the ray passes beside the triangle that it
+  // hits. passed: triangles to ignore, or null.
+  bool TraceOnce(const Ray& ray, const PassedTriangles* passed, RawHit* hit,
+                 bool* passes_beside) const;
   // start: the contact that the ray leaves, or null.
-  bool TraceFrom(const Contact* start, const Ray& ray, RawHit* hit) const;
-  bool OccludedFrom(const Contact* start, const Ray& ray) const;
+  bool TraceFrom(const Contact* start, const PassedTriangles* passed, const Ray& ray, RawHit* hit,
+                 bool* passes_beside) const;
+  // Whether the ray meets *hit, or what is behind it, where the ray passes beside its triangle.
+  bool TraceBeside(const Ray& ray, RawHit* hit) const;
+  // Whether there is no surface beside the edge of *hit that the ray passes outside of.
+  bool IsOpenBeside(const Ray& ray, const RawHit& hit) const;
+  // *is_undecided: whether only the nearest hit tells.
+  bool OccludedFrom(const Contact* start, const Ray& ray, bool* is_undecided) const;
   // Whether an unbounded ray that hit nothing passes through the tracer's rounding at a vertex
   // (leak_guard.h): sets the hit there.
   bool LeaksAtEdge(const Ray& ray, RawHit* hit) const;

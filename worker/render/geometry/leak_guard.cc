@@ -8,6 +8,7 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "common/math/frame.h"
@@ -15,6 +16,22 @@
 #include "worker/render/geometry/needle.h"
 
 namespace sheaf::render {
+
+namespace {
+
+float LengthOf(Vec3f d) { return static_cast<float>(Length(ToDouble(d))); }
+
+// The ray turned by `step` radians to a side, a unit vector across it. The tracer's rounding grows
+// with the coordinates as well as with the distance, so that the origin moves too.
+Ray TurnedTo(const Ray& ray, Vec3f side, float step) {
+  const Vec3f o = render::Abs(ray.o);
+  Ray turned = ray;
+  turned.o = ray.o + (step * std::max(o.x, std::max(o.y, o.z))) * side;
+  turned.d = ray.d + (step * LengthOf(ray.d)) * side;
+  return turned;
+}
+
+}  // namespace
 
 EnclosedSide EnclosedSideOf(const BakedMesh& mesh) {
   const EnclosedSide side = EnclosedSideOf(mesh.positions, mesh.indices);
@@ -98,16 +115,39 @@ Ray NudgedRay(const Ray& ray, int attempt, int widening) {
   // The sides of attempts 0 to 3 are a quarter turn apart.
   const float along_t = attempt % 2 == 0 ? c : -s, along_b = attempt % 2 == 0 ? s : c;
   const float sign = attempt % 4 < 2 ? 1.0f : -1.0f;
-  const float length = static_cast<float>(Length(ToDouble(ray.d)));
-  const Frame frame = Frame::FromNormal(ray.d / length);
+  const Frame frame = Frame::FromNormal(ray.d / LengthOf(ray.d));
   const Vec3f side = sign * (along_t * frame.t + along_b * frame.b);
   const float step = std::ldexp(attempt < kWideNudgeCount ? 0x1p-19f : 0x1p-21f, widening);
-  // The tracer's rounding grows with the coordinates as well as with the distance.
-  const Vec3f o = Abs(ray.o);
-  Ray nudged = ray;
-  nudged.o = ray.o + (step * std::max(o.x, std::max(o.y, o.z))) * side;
-  nudged.d = ray.d + (step * length) * side;
-  return nudged;
+  return TurnedTo(ray, side, step);
+}
+
+Ray BesideEdge(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit, int widening) {
+  const bool is_placed = hit.id.placed != kNotPlaced;
+  const PlacedGroup* placed = is_placed ? &PlacedAt(geometry, hit.id.placed) : nullptr;
+  const GeometryGroup& group = geometry.groups[is_placed ? placed->group : 0];
+  const BakedMesh& mesh = group.meshes[hit.id.geometry];
+  std::array<Vec3d, 3> corners =
+      CornersAt(mesh, &mesh.indices[3 * static_cast<size_t>(hit.id.primitive)], ray.time);
+  if (is_placed) {
+    const Affine render_from_group = RenderFromGroupAt(geometry, *placed, ray.time);
+    for (Vec3d& corner : corners) corner = render_from_group.Point(corner);
+  }
+  const Vec3d o = ToDouble(ray.o), d = ToDouble(ray.d);
+  // The plane through the ray's origin, along the ray and an edge: the farthest outside of one.
+  Vec3d outwards;
+  double farthest = -std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < 3; ++i) {
+    const Vec3d from = corners[i], to = corners[(i + 1) % 3], opposite = corners[(i + 2) % 3];
+    const Vec3d normal = Cross(to - from, d);
+    const double length = Length(normal), inside = Dot(opposite - from, normal);
+    if (!(length > 0) || inside == 0) continue;
+    const Vec3d out = normal * ((inside < 0 ? 1 : -1) / length);
+    const double outside = Dot(o - from, out);
+    if (outside <= farthest) continue;
+    farthest = outside;
+    outwards = out;
+  }
+  return TurnedTo(ray, ToFloat(outwards), std::ldexp(0x1p-19f, widening));
 }
 
 }  // namespace sheaf::render

@@ -27,7 +27,7 @@ struct Approach {
 };
 Approach ApproachTo(Vec3d point, Vec3d d, double u, double v) {
   const double t = Dot(point, d) / Dot(d, d);
-  return {{t, u, v}, Length(point - d * t)};
+  return {{t, u, v, false}, Length(point - d * t)};
 }
 
 // The weight of a corner is the volume that the line spans with the opposite edge.
@@ -58,15 +58,19 @@ bool HasNeedles(const std::vector<Vec3f>& positions, const std::vector<uint32_t>
   return false;
 }
 
-std::array<double, 3> CornerWeights(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners) {
+CornerWeights CornerWeightsOf(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners) {
   const Vec3d a = corners[0] - o, b = corners[1] - o, c = corners[2] - o;
   std::array<double, 3> weights = VolumesOf(d, a, b, c);
   const double sign = weights[0] + weights[1] + weights[2] < 0 ? -1 : 1;
   double sum = 0;
-  for (double& weight : weights) sum += weight = std::max(0.0, sign * weight);
-  if (!(sum > 0)) return {1.0 / 3, 1.0 / 3, 1.0 / 3};
+  bool is_inside = true;
+  for (double& weight : weights) {
+    is_inside &= sign * weight >= 0;
+    sum += weight = std::max(0.0, sign * weight);
+  }
+  if (!(sum > 0)) return {{1.0 / 3, 1.0 / 3, 1.0 / 3}, true};
   for (double& weight : weights) weight /= sum;
-  return weights;
+  return {weights, is_inside};
 }
 
 std::optional<TriangleHit> IntersectTriangle(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners,
@@ -82,7 +86,8 @@ std::optional<TriangleHit> IntersectTriangle(Vec3d o, Vec3d d, const std::array<
   const bool inside = (wa >= 0 && wb >= 0 && wc >= 0) || (wa <= 0 && wb <= 0 && wc <= 0);
   if (inside && sum != 0) {
     const double u = wb / sum, v = wc / sum;
-    const Approach approach = ApproachTo(a + ab * u - ca * v, d, u, v);
+    Approach approach = ApproachTo(a + ab * u - ca * v, d, u, v);
+    approach.hit.is_inside = true;
     if (approach.distance <= rounding && approach.hit.t > 0) return approach.hit;
   }
   // The line is in the plane of the triangle or misses it: find the closest edge.

@@ -24,13 +24,18 @@ inline constexpr double kNeedleSlimness = 0x1p-7;
 bool HasNeedles(const std::vector<Vec3f>& positions, const std::vector<uint32_t>& indices);
 
 struct TriangleHit {
-  double t = 0;         // In lengths of d.
-  double u = 0, v = 0;  // Barycentric weights of corners 1 and 2.
+  double t = 0;            // In lengths of d.
+  double u = 0, v = 0;     // Barycentric weights of corners 1 and 2.
+  bool is_inside = false;  // The line passes through the triangle; else beside it, within rounding.
 };
 
+struct CornerWeights {
+  std::array<double, 3> weights{};  // Nonnegative, with sum 1.
+  bool is_inside = false;           // The line passes through the triangle or is in its plane.
+};
 // Weights of the corners at the point where the line o + t d intersects the triangle's plane,
-// clamped to the triangle: nonnegative with sum 1, even if the line is in the plane.
-std::array<double, 3> CornerWeights(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners);
+// clamped to the triangle.
+CornerWeights CornerWeightsOf(Vec3d o, Vec3d d, const std::array<Vec3d, 3>& corners);
 
 // Intersects the line o + t d with the triangle, for t > 0. Lines that pass within single-precision
 // rounding hit the edge: the tracer assigns a ray on a shared edge to one of the neighbors, which
