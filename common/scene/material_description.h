@@ -182,6 +182,9 @@ struct MaterialDescription {
   // Which matter is there where closed shapes overlap: that of the highest. Materials without one
   // take no part. Only dielectrics, interfaces and subsurface matter have one.
   std::optional<int32_t> priority = std::nullopt;
+  // The first unnamed material that is written alike, as where a file is included twice: index in
+  // materials, of this one if there is none before; kNone for named ones.
+  int32_t first_alike = kNone;
 };
 
 }  // namespace sheaf

@@ -100,6 +100,13 @@ TEST(ContactStability, G17LampsThatDifferAreNotTwins) {
     return t.scene.world_shapes.size();
   };
   EXPECT_EQ(kept([](TestScene*, ShapeDescription*) {}), 1u);
+  EXPECT_EQ(kept([](TestScene* t, ShapeDescription* s) {
+              const int32_t first = s->material;
+              s->material = t->Diffuse({});
+              for (const int32_t m : {first, s->material})
+                t->scene.materials[m].first_alike = first;
+            }),
+            1u);
   const std::vector<std::function<void(TestScene*, ShapeDescription*)>> changes = {
       [](TestScene*, ShapeDescription* s) { s->reverse_orientation = true; },
       [](TestScene*, ShapeDescription* s) { s->area_light = kNone; },

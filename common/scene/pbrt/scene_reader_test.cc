@@ -274,6 +274,24 @@ TEST_F(SceneReaderTest, NamedMaterialsMayBeDefinedLater) {
             0.2f);
 }
 
+TEST_F(SceneReaderTest, UnnamedMaterialsThatAreWrittenAlikeAreKnown) {
+  Write("glass.pbrt", "Material \"dielectric\" \"float eta\" 1.4\nShape \"sphere\"\n");
+  const SceneDescription scene = ReadGood(
+      "WorldBegin\nMaterial \"dielectric\" \"float eta\" 1.5\nShape \"sphere\"\n"
+      "Include \"glass.pbrt\"\nInclude \"glass.pbrt\"\n"
+      "Attribute \"material\" \"float roughness\" .1\nInclude \"glass.pbrt\"\n"
+      "MakeNamedMaterial \"b\" \"string type\" \"dielectric\"\nNamedMaterial \"b\"\n"
+      "Shape \"sphere\"\n");
+  const auto first_alike = [&](size_t shape) {
+    return scene.materials[static_cast<size_t>(scene.shapes.at(shape).material)].first_alike;
+  };
+  EXPECT_EQ(first_alike(0), scene.shapes[0].material);
+  EXPECT_EQ(first_alike(1), scene.shapes[1].material);
+  EXPECT_EQ(first_alike(2), scene.shapes[1].material);
+  EXPECT_EQ(first_alike(3), scene.shapes[3].material);
+  EXPECT_EQ(first_alike(4), kNone);
+}
+
 TEST_F(SceneReaderTest, AttributeDefaultsMayBeUnused) {
   const SceneDescription scene = ReadGood(
       "WorldBegin\nAttribute \"shape\" \"float radius\" 3\nShape \"sphere\"\n"

@@ -130,8 +130,14 @@ class Emitters {
         a.shape);
   }
 
+  bool AreEqualMaterials(int32_t a, int32_t b) const {
+    if (a == b || a == kNone || b == kNone) return a == b;
+    const int32_t alike = scene_.materials[a].first_alike;
+    return alike != kNone && alike == scene_.materials[b].first_alike;
+  }
+
   bool AreTwins(const ShapeDescription& a, const ShapeDescription& b) const {
-    return a.shape.index() == b.shape.index() && a.material == b.material &&
+    return a.shape.index() == b.shape.index() && AreEqualMaterials(a.material, b.material) &&
            a.reverse_orientation == b.reverse_orientation && a.has_alpha == b.has_alpha &&
            AreEqual(a.alpha, b.alpha) && a.media.inside == b.media.inside &&
            a.media.outside == b.media.outside &&

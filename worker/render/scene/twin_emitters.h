@@ -11,7 +11,7 @@
 namespace sheaf::render {
 
 // Takes from the world every emissive shape that equals an earlier one in shape, place, material,
-// media and emission, and notes them. Equal materials are those of one index.
+// media and emission, and notes them. Equal materials are those of one index, or written alike.
 void RemoveTwinEmitters(SceneDescription* scene);
 
 }  // namespace sheaf::render

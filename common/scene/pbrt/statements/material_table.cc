@@ -56,11 +56,13 @@ std::vector<std::string> KnownTypes() {
 int32_t MaterialTable::Add(const std::string& type, ParameterList parameters) {
   parameters.set_owner(absl::StrCat("material \"", type, "\""));
   std::string name = parameters.GetString("name", "");  // Before Make reports what is unused.
+  const std::string written = absl::StrCat(type, ":", parameters.Written());
   MaterialDescription material = Make(type, parameters);
   material.location = parameters.location();
   material = WithAlpha(std::move(material));
   material.name = std::move(name);
   const auto index = static_cast<int32_t>(scene_->materials.size());
+  material.first_alike = unnamed_.try_emplace(written, index).first->second;
   scene_->materials.push_back(std::move(material));
   return index;
 }

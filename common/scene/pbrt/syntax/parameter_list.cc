@@ -3,6 +3,7 @@
 #include "common/scene/pbrt/syntax/parameter_list.h"
 
 #include <algorithm>
+#include <type_traits>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -78,6 +79,33 @@ ParameterList::ParameterList(std::string owner, SourceLocation location, std::ve
 void ParameterList::ErrorAt(const Parameter& parameter, std::string_view text) {
   diagnostics_->Error(parameter.location, absl::StrCat(owner_, ": parameter \"", parameter.name,
                                                        "\" ", std::string(text)));
+}
+
+std::string ParameterList::Written() const {
+  std::string text;
+  const auto add = [&text](const auto& values) {
+    absl::StrAppend(&text, values.size(), ":");
+    for (const auto& value : values) {
+      if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::string>) {
+        absl::StrAppend(&text, value.size(), ":", value);
+      } else {
+        text.append(reinterpret_cast<const char*>(&value), sizeof(value));
+      }
+    }
+  };
+  for (const std::vector<Parameter>* list : {&own_, &defaults_}) {
+    absl::StrAppend(&text, list->size(), ":");
+    for (const Parameter& p : *list) {
+      add(std::vector<std::string>{p.name});
+      absl::StrAppend(&text, static_cast<int>(p.type), ":", static_cast<int>(p.primaries), ":");
+      add(p.floats);
+      add(p.remainders);
+      add(p.integers);
+      add(p.strings);
+      add(p.bools);
+    }
+  }
+  return text;
 }
 
 Parameter* ParameterList::Find(const std::string& name) {

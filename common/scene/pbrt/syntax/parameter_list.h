@@ -90,6 +90,9 @@ class ParameterList {
   // Vertices, for VertexRounding.
   VertexRounding GetVertices(const std::string& name);
 
+  // All parameters, defaults included, as a text that differs from that of any other list.
+  std::string Written() const;
+
   // The parameter of any type (it counts as used), or nullptr.
   Parameter* Find(const std::string& name);
   bool Has(const std::string& name) { return Find(name) != nullptr; }
