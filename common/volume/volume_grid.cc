@@ -247,7 +247,7 @@ VolumeGrid::Cursor::Cursor(const VolumeGrid& grid) {
   volume::WithType(grid.info_.type, [&]<typename BuildT>() {
     static_assert(sizeof(Accessor<BuildT>) <= sizeof(accessor_) && alignof(Accessor<BuildT>) <= 8 &&
                   std::is_trivially_destructible_v<Accessor<BuildT>>);
-    new (accessor_.data()) Accessor<BuildT>(volume::RootOf<BuildT>(grid.image_));
+    new (accessor_.data()) Accessor<BuildT>(volume::RootOf<BuildT>(*grid.image_));
   });
 }
 
@@ -265,7 +265,7 @@ absl::StatusOr<VolumeGrid> VolumeGrid::FromImage(VolumeBytes image, const std::s
   const absl::Status nodes = volume::VerifyNodes(image, where, limits, thread_count, &*info);
   if (!nodes.ok()) return nodes;
   grid.info_ = *std::move(info);
-  grid.image_ = std::move(image);
+  grid.image_ = std::make_shared<const VolumeBytes>(std::move(image));
   for (size_t a = 0; a < 3; ++a) {
     grid.box_.lo[a] = grid.info_.index_min[a];
     grid.box_.hi[a] = grid.info_.index_max[a] + (grid.info_.active_voxel_count > 0 ? 1 : 0);
@@ -315,14 +315,14 @@ void VolumeGrid::ReadComponentBox(size_t component, Index3 lo, Index3 hi, std::s
 
 std::optional<float> VolumeGrid::UniformValue(Index3 lo, Index3 hi) const {
   return volume::WithScalarType(info_.type, [&]<typename BuildT>() {
-    return UniformSearch<BuildT>(volume::RootOf<BuildT>(image_), lo, hi).Run();
+    return UniformSearch<BuildT>(volume::RootOf<BuildT>(*image_), lo, hi).Run();
   });
 }
 
 std::optional<Vec3f> VolumeGrid::UniformVector(Index3 lo, Index3 hi) const {
   SHEAF_CHECK(is_vector());
   using BuildT = nanovdb::Vec3f;
-  const auto v = UniformSearch<BuildT>(volume::RootOf<BuildT>(image_), lo, hi).Run();
+  const auto v = UniformSearch<BuildT>(volume::RootOf<BuildT>(*image_), lo, hi).Run();
   return v ? std::optional<Vec3f>({(*v)[0], (*v)[1], (*v)[2]}) : std::nullopt;
 }
 

@@ -3,7 +3,7 @@
 //
 // VolumeGrid: an immutable sparse grid of densities, temperatures or velocities, for lookup. It
 // holds one verified NanoVDB image: every offset that a lookup may follow lies inside it. A grid
-// comes from a file (volume_file.h) or from an array (VolumeGridFromArray).
+// comes from a file (volume_file.h) or from an array (VolumeGridFromArray). Copies share the image.
 //
 // Spaces: *index* space has one voxel per unit, with voxel (i, j, k) at exactly that point;
 // *medium* space is the file's world space. Values between voxels are trilinear.
@@ -103,6 +103,10 @@ class VolumeGrid {
                                               const VolumeLimits& limits, int thread_count = 1);
 
   const VolumeGridInfo& info() const { return info_; }
+  // The bytes of this grid's share of the image: summed over the grids that hold it, the image.
+  uint64_t memory_bytes() const {
+    return info_.memory_bytes / static_cast<uint64_t>(image_.use_count());
+  }
   bool is_vector() const { return info_.type == VolumeValueType::kVec3f; }
   const Matrix4& medium_from_index() const { return medium_from_index_; }
   const Matrix4& index_from_medium() const { return index_from_medium_; }
@@ -140,7 +144,7 @@ class VolumeGrid {
  private:
   VolumeGrid() = default;
 
-  VolumeBytes image_;
+  std::shared_ptr<const VolumeBytes> image_;
   VolumeGridInfo info_;
   Matrix4 medium_from_index_, index_from_medium_;
   IndexBox box_;

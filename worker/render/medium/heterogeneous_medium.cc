@@ -71,7 +71,7 @@ absl::StatusOr<HeterogeneousMedium> HeterogeneousMedium::FromCloud(const std::st
 
 uint64_t HeterogeneousMedium::memory_bytes() const {
   const auto* grid = std::get_if<VolumeGrid>(&density_);
-  return majorants_.memory_bytes() + (grid != nullptr ? grid->info().memory_bytes : 0) +
+  return majorants_.memory_bytes() + (grid != nullptr ? grid->memory_bytes() : 0) +
          (moves() ? motion_->memory_bytes() : 0);
 }
 

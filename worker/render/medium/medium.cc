@@ -15,6 +15,7 @@
 #include "common/scene/half_space.h"
 #include "common/scene/pbrt/statements/subsurface_reflectance.h"
 #include "worker/render/geometry/leak_guard.h"
+#include "worker/render/medium/grid_files.h"
 
 namespace sheaf::render {
 namespace {
@@ -131,6 +132,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   const std::vector<bool> is_hidden = FindHidden(scene);
   const double shutter_time = static_cast<double>(scene.camera.shutter_close) -
                               static_cast<double>(scene.camera.shutter_open);
+  GridFiles grid_files(&files, options.thread_count);
   std::vector<Medium> media;
   for (const MediumDescription& description : scene.media) {
     Medium medium;
@@ -141,10 +143,11 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
                                              ": medium \"", description.name, "\"");
       Movement movement{std::move(velocities[media.size()]),
                         shutter_time * static_cast<double>(description.velocity_scale)};
-      auto parts = MakeParts(where, description, placement, std::move(movement), files, options);
+      auto parts =
+          MakeParts(where, description, placement, std::move(movement), grid_files, options);
       if (!parts.ok()) return parts.status();
       medium.parts = *std::move(parts);
-      auto medium_emission = MakeEmission(where, description, placement, files, options);
+      auto medium_emission = MakeEmission(where, description, placement, grid_files, options);
       if (!medium_emission.ok()) return medium_emission.status();
       medium.medium_emission = *std::move(medium_emission);
     }

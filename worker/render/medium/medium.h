@@ -30,6 +30,8 @@
 
 namespace sheaf::render {
 
+class GridFiles;
+
 class MediumTable {
  public:
   struct Options {
@@ -179,11 +181,11 @@ class MediumTable {
   static absl::StatusOr<std::vector<Part>> MakeParts(const std::string& where,
                                                      const MediumDescription& description,
                                                      const Affine& placement, Movement movement,
-                                                     FileSource& files, const Options& options);
+                                                     GridFiles& files, const Options& options);
   // Null where the medium does not emit. Errors: see Build.
   static absl::StatusOr<std::unique_ptr<const MediumEmission>> MakeEmission(
       const std::string& where, const MediumDescription& description, const Affine& placement,
-      FileSource& files, const Options& options);
+      GridFiles& files, const Options& options);
   // For subsurface media given by their reflectance: converts each wavelength.
   static void SetSpectra(const SubsurfaceReflectance& reflectance, float g, Medium* medium);
   std::vector<EmissiveDensity> EmissiveDensities() const;

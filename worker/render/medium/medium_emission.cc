@@ -133,9 +133,9 @@ template Rgb MediumEmission::At<Rgb>(Vec3d, const NoWavelengths&) const;
 template Spectral MediumEmission::At<Spectral>(Vec3d, const Wavelengths&) const;
 
 uint64_t MediumEmission::memory_bytes() const {
-  return (temperatures_ ? temperatures_->values.info().memory_bytes : 0) +
-         (factors_ ? factors_->values.info().memory_bytes : 0) +
-         (colors_ ? colors_->values.info().memory_bytes : 0);
+  return (temperatures_ ? temperatures_->values.memory_bytes() : 0) +
+         (factors_ ? factors_->values.memory_bytes() : 0) +
+         (colors_ ? colors_->values.memory_bytes() : 0);
 }
 
 }  // namespace sheaf::render

@@ -11,7 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/volume/volume_array.h"
-#include "common/volume/volume_file.h"
+#include "worker/render/medium/grid_files.h"
 #include "worker/render/medium/medium.h"
 
 namespace sheaf::render {
@@ -23,18 +23,15 @@ constexpr char kDensityGrid[] = "density";
 // has none.
 absl::StatusOr<std::optional<VolumeGrid>> ReadTemperatures(const std::string& where,
                                                            const VolumeFileMedium& volume,
-                                                           FileSource& files, int thread_count) {
+                                                           GridFiles& files) {
   const std::string name = volume.temperature_grid.value_or(kTemperatureGrid);
-  const auto path = files.LocalPath(volume.file);
-  if (!path.ok()) return path.status();
-  const std::string file = absl::StrCat(where, ": ", volume.file);
-  const auto entries = ListVolumeFile(file, *path);
+  const auto entries = files.List(where, volume.file);
   if (!entries.ok()) return entries.status();
   const bool is_there = std::any_of(entries->begin(), entries->end(),
                                     [&](const VolumeFileEntry& e) { return e.name == name; });
   // If a grid that the scene names is missing, the error lists the available ones.
   if (!is_there && !volume.temperature_grid) return std::optional<VolumeGrid>();
-  auto grid = ReadVolumeGrid(file, *path, name, {}, thread_count);
+  auto grid = files.Read(where, volume.file, name);
   if (!grid.ok()) return grid.status();
   return std::optional<VolumeGrid>(*std::move(grid));
 }
@@ -46,17 +43,12 @@ absl::StatusOr<VolumeGrid> GridOf(const std::string& where, const std::string& n
 
 // Returns the densities of a uniform grid or a file.
 absl::StatusOr<VolumeGrid> DensityGrid(const std::string& where,
-                                       const MediumDescription& description, FileSource& files,
-                                       int thread_count) {
+                                       const MediumDescription& description, GridFiles& files) {
   if (const auto* uniform = std::get_if<UniformGridMedium>(&description.kind)) {
     return GridOf(where, kDensityGrid, uniform->box, uniform->density);
   }
   const auto& volume = std::get<VolumeFileMedium>(description.kind);
-  const auto path = files.LocalPath(volume.file);
-  if (!path.ok()) return path.status();
-  // If the grid is missing, the error lists the available ones.
-  return ReadVolumeGrid(absl::StrCat(where, ": ", volume.file), *path, volume.density_grid, {},
-                        thread_count);
+  return files.Read(where, volume.file, volume.density_grid);
 }
 
 // A density of 1 in the whole box, up to its faces.
@@ -83,7 +75,7 @@ absl::StatusOr<HeterogeneousMedium> MovingGrid(const std::string& where, VolumeG
 
 absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
     const std::string& where, const MediumDescription& description, const Affine& placement,
-    Movement movement, FileSource& files, const Options& options) {
+    Movement movement, GridFiles& files, const Options& options) {
   const Rgb sigma_t = (description.sigma_a.rgb + description.sigma_s.rgb) * description.scale;
   HeterogeneousMedium::Placement placed{placement, MaxComponent(sigma_t), options.thread_count,
                                         options.bound_once};
@@ -128,7 +120,7 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
                    Part::Kind::kAbsorbs, ColorPart::kGray);
     }
   } else {
-    absl::StatusOr<VolumeGrid> grid = DensityGrid(where, description, files, options.thread_count);
+    absl::StatusOr<VolumeGrid> grid = DensityGrid(where, description, files);
     if (!grid.ok()) return grid.status();
     auto medium = movement.velocities
                       ? MovingGrid(where, *std::move(grid), *std::move(movement.velocities),
@@ -142,12 +134,12 @@ absl::StatusOr<std::vector<MediumTable::Part>> MediumTable::MakeParts(
 
 absl::StatusOr<std::unique_ptr<const MediumEmission>> MediumTable::MakeEmission(
     const std::string& where, const MediumDescription& description, const Affine& placement,
-    FileSource& files, const Options& options) {
+    GridFiles& files, const Options& options) {
   if (!description.emits || !(description.radiance_scale > 0)) return nullptr;
   auto medium_emission = std::make_unique<MediumEmission>(
       placement, description.radiance, description.radiance_scale, options.spectral);
   if (const auto* volume = std::get_if<VolumeFileMedium>(&description.kind)) {
-    auto grid = ReadTemperatures(where, *volume, files, options.thread_count);
+    auto grid = ReadTemperatures(where, *volume, files);
     if (!grid.ok()) return grid.status();
     if (!*grid) return nullptr;
     if ((*grid)->is_vector()) {

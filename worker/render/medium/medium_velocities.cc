@@ -10,16 +10,16 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
 #include "common/volume/volume_array.h"
-#include "common/volume/volume_file.h"
+#include "worker/render/medium/grid_files.h"
 
 namespace sheaf::render {
 namespace {
 
 // Returns the name that the medium gives, or the grid that "auto" finds.
-absl::StatusOr<std::string> NameOf(const std::string& file, const std::string& path,
-                                   const std::string& wanted) {
-  if (wanted != kAnyVelocityGrid) return wanted;
-  const auto entries = ListVolumeFile(file, path);
+absl::StatusOr<std::string> NameOf(const std::string& where, const VolumeFileMedium& volume,
+                                   GridFiles* files) {
+  if (volume.velocity_grid != kAnyVelocityGrid) return volume.velocity_grid;
+  const auto entries = files->List(where, volume.file);
   if (!entries.ok()) return entries.status();
   for (const char* name : kVelocityGridNames) {
     if (std::any_of(entries->begin(), entries->end(),
@@ -32,21 +32,18 @@ absl::StatusOr<std::string> NameOf(const std::string& file, const std::string& p
 }
 
 absl::StatusOr<VolumeGrid> ReadVelocities(const std::string& where, const MediumDescription& medium,
-                                          FileSource& files, int thread_count) {
+                                          GridFiles* files) {
   if (const auto* uniform = std::get_if<UniformGridMedium>(&medium.kind)) {
     const GridBox& box = uniform->box;
     return VolumeGridFromArray(where, "velocity", {box.counts, box.p0, box.p1},
                                std::span<const Vec3f>(uniform->velocity));
   }
   const auto& volume = std::get<VolumeFileMedium>(medium.kind);
-  const auto path = files.LocalPath(volume.file);
-  if (!path.ok()) return path.status();
-  const std::string file = absl::StrCat(where, ": ", volume.file);
-  const auto name = NameOf(file, *path, volume.velocity_grid);
+  const auto name = NameOf(where, volume, files);
   if (!name.ok()) return name.status();
-  auto grid = ReadVolumeGrid(file, *path, *name, {}, thread_count);
+  auto grid = files->Read(where, volume.file, *name);
   if (grid.ok() && !grid->is_vector()) {
-    return absl::InvalidArgumentError(absl::StrCat(file, ": grid \"", *name,
+    return absl::InvalidArgumentError(absl::StrCat(where, ": ", volume.file, ": grid \"", *name,
                                                    "\" holds numbers, but velocities are vectors; ",
                                                    "name a grid of vectors"));
   }
@@ -59,12 +56,13 @@ absl::StatusOr<MediumVelocities> ReadMediumVelocities(FileSource& files, int thr
                                                       SceneDescription* scene) {
   MediumVelocities velocities(scene->media.size());
   if (!(scene->camera.shutter_close > scene->camera.shutter_open)) return velocities;
+  GridFiles grid_files(&files, thread_count);
   for (size_t i = 0; i < velocities.size(); ++i) {
     MediumDescription& medium = scene->media[i];
     if (!medium.Moves()) continue;
     const std::string where =
         absl::StrCat(FormatLocation(*scene, medium.location), ": medium \"", medium.name, "\"");
-    auto grid = ReadVelocities(where, medium, files, thread_count);
+    auto grid = ReadVelocities(where, medium, &grid_files);
     if (!grid.ok()) return grid.status();
     if (grid->info().values.max > 0) {
       velocities[i] = *std::move(grid);

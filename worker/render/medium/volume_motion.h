@@ -47,7 +47,7 @@ class VolumeMotion {
     if (!Contains(box_, at)) return {};
     return displacement_from_velocity_.Vector(ToDouble(velocities_.VectorAt(at, cursor)));
   }
-  uint64_t memory_bytes() const { return velocities_.info().memory_bytes; }
+  uint64_t memory_bytes() const { return velocities_.memory_bytes(); }
 
  private:
   friend class MovingDensitySource;

@@ -1,0 +1,40 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// GridFiles: reads the grids that media name, each once, however many media name it.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/container/flat_hash_map.h"
+#include "absl/status/statusor.h"
+#include "common/scene/file_source.h"
+#include "common/volume/volume_file.h"
+#include "common/volume/volume_grid.h"
+
+namespace sheaf::render {
+
+// Not thread-safe.
+class GridFiles {
+ public:
+  // `files` must outlive the reader. thread_count: of the verification of a grid.
+  GridFiles(FileSource* files, int thread_count) : files_(files), thread_count_(thread_count) {}
+
+  // The grids of a file. file: canonical name, for FileSource. Messages of errors begin with
+  // `where` and the name.
+  absl::StatusOr<std::vector<VolumeFileEntry>> List(const std::string& where,
+                                                    const std::string& file);
+  // The grid; grids that were read before share their voxels. Errors: those of ReadVolumeGrid,
+  // which list the grids that are there if this one is missing.
+  absl::StatusOr<VolumeGrid> Read(const std::string& where, const std::string& file,
+                                  const std::string& grid);
+
+ private:
+  FileSource* files_;
+  int thread_count_;
+  absl::flat_hash_map<std::pair<std::string, std::string>, VolumeGrid> grids_;  // By file, name.
+};
+
+}  // namespace sheaf::render
