@@ -154,7 +154,7 @@ DOORS = {
 PLAIN_FOLDERS = tuple(f + "/" for f in (
     "coordinator", "proto", "dashboard/src", "python", "blender", "deploy", "docs", "cli",
     "common", "worker", "scenes")) + ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md")
-PLAIN_NOT_YET = ("docs/adr/",)
+PLAIN_NOT_YET = ()
 # Phrases that read as translated, and what to write instead.
 PLAIN_ENGLISH = {
     r"\b[Nn]obody\b|\b[Ss]omebody\b": "name who acts: no worker, another user",
