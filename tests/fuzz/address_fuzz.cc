@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Feeds arbitrary text to the parser of addresses. What it accepts is written as it is read.
+// Feeds arbitrary text to the parser of addresses. An address that it accepts is written and read
+// back as the same address.
 #include "common/rpc/address.h"
 
 #include <optional>

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Feeds arbitrary bytes to the port of the HTTP side, as a client that sends them and then no more.
-// The server answers or closes, and serves the next client.
+// Feeds arbitrary bytes to the HTTP port, as a client that sends them and then falls silent. The
+// server answers or closes, and serves the next client.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -35,7 +35,7 @@ struct Server {
   std::unique_ptr<HttpServer> server;
 };
 
-// What the server answers before it closes.
+// Returns the bytes that the server sends before it closes.
 std::string Exchange(uint16_t port, std::string_view bytes) {
   const int client = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
   SHEAF_CHECK(client >= 0);

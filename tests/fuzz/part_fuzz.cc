@@ -1,8 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Feeds arbitrary bytes to the decoder of film parts, which uses no more memory than its limit
-// allows.
+// Feeds arbitrary bytes to the decoder of film parts, which keeps its memory within its limit.
 #include "common/film/exr/exr_codec.h"
 #include "tests/fuzz/fuzz_target.h"
 

@@ -43,7 +43,7 @@ inline void CompleteSpec(uint64_t job_id, coordinator::JobSpec* spec) {
   spec->partition.cell_size_px = cell_size_px;
 }
 
-// What the farm adds to a scheduler's answer (Farm::Synchronize).
+// A scheduler's answer with what the farm adds to it (Farm::Synchronize).
 inline coordinator::Farm::SynchronizeAnswer AnswerOf(
     const coordinator::Scheduler& scheduler,
     const coordinator::Scheduler::SynchronizeAnswer& decided) {

@@ -27,7 +27,7 @@ constexpr int kFurnaceSampleCount = 4000;
 
 struct Furnace {
   Rgb albedo;
-  double standard_error = 0;  // Of the component with the largest.
+  double standard_error = 0;  // The largest of the components.
 };
 
 // Light that leaves of light from everywhere, as flux: radiance within a solid counts eta^2 times.

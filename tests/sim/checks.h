@@ -8,13 +8,13 @@
 //     workers     one is lost exactly where it was silent for longer than the lease duration
 //     jobs        what is delivered and what has ended agrees with the phases of frames and jobs
 //     promises    the phases, pauses and priorities are those that were promised
-//     verdicts    who is said to make false results has made one, or was outvoted by two who did
+//     verdicts    an identity said to make false results made one, or was outvoted by two that did
 //     limits      tables are within their limits
 //     counters    results and samples are as many as were acknowledged
 //
 // and at the end of a simulation: every job has ended, nothing is left of leases nor of those who
-// were found to make false results, and images are those of one process, but where nobody found a
-// false part in time (Promises::MayBeFalse).
+// were found to make false results, and images are those of one process, except where a false part
+// was not found in time (Promises::MayBeFalse).
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,7 @@ class Checks {
   void Check(coordinator::Farm& farm, const coordinator::FarmOptions& options);
   // At the end. Returns false where an image is damaged and being made again: ask later.
   bool CheckEnd(coordinator::Farm& farm);
-  // Images with a false part that nobody found, or found when it could not be corrected any more.
+  // Images with a false part that was not found, or was found when it could no longer be corrected.
   uint64_t false_image_count() const { return false_image_count_; }
 
  private:
@@ -53,7 +53,7 @@ class Checks {
   const Promises& promises_;
   // Tasks that failed more often than a job survives, by those who had not delivered a result.
   std::set<coordinator::TaskId> of_strangers_;
-  std::set<uint64_t> known_checks_;  // Leases of checks, of this life of the coordinator or others.
+  std::set<uint64_t> known_checks_;  // Leases of checks, over all runs of the coordinator.
   uint64_t false_image_count_ = 0;
 };
 

@@ -20,7 +20,7 @@ constexpr absl::Duration kWorkIntervalMin = absl::Milliseconds(100);
 constexpr absl::Duration kWorkIntervalMax = absl::Milliseconds(400);
 constexpr absl::Duration kDownMin = absl::Milliseconds(100), kDownMax = absl::Seconds(40);
 constexpr absl::Duration kStartRetry = absl::Seconds(2);
-// A process ends within so many changes of the disk.
+// The most changes of the disk before a process ends.
 constexpr uint64_t kChangesToEndMax = 40;
 
 // All regular files below a folder that hold parts, guiding fields or images.

@@ -4,8 +4,8 @@
 // CoordinatorHost: the coordinator's process. It starts the real farm on the simulated machine,
 // stops it in order or in the middle of any change of the disk, and starts it again.
 //
-// A process cannot be killed inside a call here, where there is one thread. Instead the disk
-// refuses all changes from that point on, the call returns what it likes, and nobody hears of it.
+// With a single thread, a process cannot be killed inside a call. Instead the disk refuses all
+// changes from that point on, and whatever the call returns reaches no caller.
 #pragma once
 
 #include <cstdint>

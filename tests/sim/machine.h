@@ -19,7 +19,7 @@ namespace sheaf::sim {
 
 // The folder that is the machine's disk.
 inline constexpr char kSimRoot[] = "/sim";
-// What programs read in place of the system's random device: always the same.
+// Stands in for the system's random device; its bytes are always the same.
 inline constexpr char kSimRandomDevice[] = "/sim/random";
 
 class Machine {
@@ -35,7 +35,7 @@ class Machine {
 
   SimDisk& disk() { return disk_; }
   absl::Duration steady() const { return steady_; }
-  // Both clocks go on.
+  // Advances both clocks.
   void Advance(absl::Duration duration) { steady_ += duration; }
   void JumpWallClock(absl::Duration by) { wall_offset_ += by; }
   absl::Duration wall() const { return steady_ + wall_offset_; }

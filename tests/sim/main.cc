@@ -43,7 +43,7 @@ void AddOptions(CommandLine* line, CLI::App* app) {
   app->add_option("--jobs", line->jobs, "Processes at a time")
       ->check(InRange(1, 64))
       ->capture_default_str();
-  app->add_option("--failures", line->failed_max, "End when so many seeds have failed")
+  app->add_option("--failures", line->failed_max, "End when this many seeds have failed")
       ->check(InRange(int64_t{1}, static_cast<int64_t>(kFailedSeedsMax)))
       ->capture_default_str();
   app->add_option("--without", line->without, "Kinds of faults to leave out, with commas")

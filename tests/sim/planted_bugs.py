@@ -84,7 +84,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("bugs", nargs="*", help="names of patches; all where none is given")
     parser.add_argument("--check", action="store_true", help="only try whether the patches apply")
-    parser.add_argument("--tree", default=TREE, help="where the copy of the tree is or shall be")
+    parser.add_argument("--tree", default=TREE, help="folder of the tree's copy")
     parser.add_argument("--seeds", type=int, default=2000, help="the most seeds for a bug")
     parser.add_argument("--steps", type=int, default=600, help="as farm_sim has it")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="compilers at a time")

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Promises: what the job store has said to be durable, over all lives of the coordinator. A call
+// Promises: what the job store has said to be durable, over all runs of the coordinator. A call
 // that returned OK is a promise. A call that failed, or during which the machine stopped, may have
-// had its effect or not: then either is right, and the next life shows which.
+// had its effect or not: then either is right, and the next start shows which.
 #pragma once
 
 #include <cstdint>
@@ -76,11 +76,11 @@ class Promises {
   bool HasPart(const std::string& sha256_hex) const;
   const std::map<uint64_t, PromisedJob>& jobs() const { return jobs_; }
   uint64_t PartsBytes() const;
-  // Whether the delivered image of the frame may be other than that of one process, by a false part
-  // (one of these digests), or by a false guiding field, that nobody could correct: nobody has
-  // found that its identity makes false ones, or the part was gone by then. In a frame without
-  // rounds it is a part of which the image was made; rounds may have been decided by any that was
-  // there before.
+  // Whether the delivered image of the frame may differ from that of one process, by a false part
+  // (one of these digests) or a false guiding field that the farm could not correct: its maker has
+  // not been found to make false ones, or the part was gone by then. In a frame without rounds this
+  // part is one of those that make the image; rounds may have been decided by any that was there
+  // before.
   bool MayBeFalse(const coordinator::FrameId& frame, bool in_rounds,
                   const std::set<std::string>& false_digests) const;
   // The name of a part of the frame that certainly is there, although it was made with another
@@ -111,7 +111,7 @@ class Promises {
   std::function<void(const std::string&)> broken_;
   std::map<uint64_t, PromisedJob> jobs_;
   std::map<coordinator::FrameId, std::map<std::string, PromisedPart>> parts_;
-  // Digests of parts that went when nobody knew anything bad of their identity.
+  // Digests of parts that went while their identity was still trusted.
   std::map<coordinator::FrameId, std::set<std::string>> forgotten_;
   // The parts that were there when the frame was delivered: its image was made of them.
   std::map<coordinator::FrameId, std::vector<coordinator::PartRow>> image_parts_;

@@ -22,12 +22,12 @@
 namespace sheaf::sim {
 namespace {
 
-constexpr time_t kSeedSecondsMax = 30;  // Of CPU time. A simulation that takes longer hangs.
+constexpr time_t kSeedSecondsMax = 30;  // CPU time. A simulation that takes longer hangs.
 constexpr size_t kBrokenBytesMax = 500;
 constexpr char kBrokenMark[] = "BROKEN-SEED: ";
 constexpr uint64_t kNoSeed = UINT64_MAX;
 
-// What the processes of a run share.
+// The memory that the processes of a run share.
 struct Shared {
   std::atomic<uint64_t> next_seed, seed_count, step_count;
   std::atomic<uint64_t> jobs_succeeded, jobs_failed, jobs_cancelled, lives;

@@ -22,13 +22,13 @@ struct Totals {
   uint64_t jobs_succeeded = 0, jobs_failed = 0, jobs_cancelled = 0, lives = 0;
   uint64_t liars_found = 0, false_images = 0;
   std::array<uint64_t, kFaultCount> faults{};
-  double cpu_seconds = 0;          // Of all processes.
+  double cpu_seconds = 0;          // The sum over all processes.
   std::vector<FailedSeed> failed;  // At most kFailedSeedsMax: then the run ends.
 };
 inline constexpr size_t kFailedSeedsMax = 32;
 
-// Runs the seeds from `first` to `last`, in so many processes at a time. failed_max: how many may
-// fail before the run ends early, at most kFailedSeedsMax.
+// Runs the seeds from `first` to `last`, in `process_count` processes at a time. failed_max: how
+// many may fail before the run ends early, at most kFailedSeedsMax.
 Totals RunSeeds(uint64_t first, uint64_t last, int process_count, size_t failed_max,
                 const SimulationOptions& options);
 

@@ -144,7 +144,7 @@ int SimDisk::Truncate(const NodePtr& node, uint64_t size) {
   if (const int e = Pass(Operation::kTruncate, PathOf(*node), grows); e != 0) {
     return e == kStopsMachine ? EIO : e;
   }
-  node->mappings.clear();  // Only a file that nobody has mapped is truncated: SQLite's, at a start.
+  node->mappings.clear();  // No file is truncated while it is mapped: only SQLite's is, at a start.
   FileChange change{size, "", /*truncates=*/true};
   Apply(change, &node->bytes);
   node->changes.push_back(std::move(change));
@@ -163,7 +163,7 @@ void SimDisk::MakeEntryDurable(const NodePtr& node) {
   });
   if (created != changes.end()) {
     parent->durable_entries[node->name] = node;
-    // What the name meant before cannot come back any more.
+    // The name's earlier meaning can no longer come back.
     const auto end = created + 1;
     changes.erase(std::remove_if(changes.begin(), end,
                                  [&](const EntryChange& c) { return c.name == node->name; }),

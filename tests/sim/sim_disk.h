@@ -62,7 +62,8 @@ class SimDisk {
   };
 
   enum class Operation { kCreate, kWrite, kTruncate, kSync, kRename, kRemove };
-  // What happens to a change: 0, or an errno; kStopsMachine: the machine stops during it.
+  // A gate decides about a change: 0, it happens; an errno, it fails; kStopsMachine, the machine
+  // stops during it.
   static constexpr int kStopsMachine = -1;
   // grows: whether the change needs space.
   using Gate = std::function<int(Operation operation, const std::string& path, bool grows)>;

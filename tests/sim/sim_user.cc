@@ -188,7 +188,7 @@ void SimUser::Ask(const char* what, Request request, Durable durable) {
       if (again) {
         self->world_.After(kRetry, [=] { self->Ask(what, request, durable); });
       } else {
-        self->ScheduleWish();  // Also a job that shall end: an old request may arrive late.
+        self->ScheduleWish();  // Also for a job that should end: an old request may arrive late.
       }
     };
   };

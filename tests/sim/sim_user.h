@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// SimUser: somebody who submits a job and then pauses, resumes, prioritizes, refines or cancels it,
-// and repeats each request until it is answered. Where the farm says that it is done, it must be
+// SimUser: a user who submits a job and then pauses, resumes, prioritizes, refines or cancels it,
+// and repeats each request until it is answered. A request that the farm acknowledges must be
 // durable.
 #pragma once
 
@@ -28,7 +28,7 @@ class SimUser : public std::enable_shared_from_this<SimUser> {
   // None until the farm has answered.
   std::optional<uint64_t> job_id() const { return job_id_; }
   bool has_cancelled() const { return has_cancelled_; }
-  // Somebody else cancels its job.
+  // Another user cancels its job.
   void NoteCancelled() { has_cancelled_ = true; }
   bool is_content() const { return job_id_ && !is_asking_; }
 

@@ -198,7 +198,7 @@ void SimWorker::Synchronize() {
       self->CheckGrant(desired.leases.back());
       absl::StrAppend(&ids, " ", grant.lease.lease_id & 0xffffff);
     }
-    self->world_.Trace(self->id_, " synchronizes, shall hold leases", ids);
+    self->world_.Trace(self->id_, " synchronizes, must hold leases", ids);
     return reply(desired);
   };
   network_.Call("synchronize", serve, reply(absl::UnavailableError("no answer")));
@@ -404,7 +404,7 @@ absl::StatusOr<std::vector<ResultOutcome>> SimWorker::AddResults(
     world_.Trace(id_, " uploads the result of lease ", part.lease_id & 0xffffff, ": ",
                  outcome.ok() ? absl::StrCat("outcome ", static_cast<int>(*outcome))
                               : std::string(outcome.status().message()));
-    if (world_.machine.disk().stopped()) return absl::UnavailableError("nobody hears this");
+    if (world_.machine.disk().stopped()) return absl::UnavailableError("no caller gets this");
     if (!outcome.ok()) return outcome.status();
     CheckOutcome(part, was_liar, *outcome);
     outcomes.push_back(*outcome);

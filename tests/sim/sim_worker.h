@@ -43,11 +43,11 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   const Habits& habits() const { return habits_; }
   // The identity that answers for it.
   const std::string& identity() const { return habits_.identity.empty() ? id_ : habits_.identity; }
-  // It does nothing more, and what it has is lost.
+  // It stops at once and loses all that it has.
   void Kill() { alive_ = false; }
-  // Nothing happens in it for so long; then it goes on as if no time had passed.
+  // It stands still for this time, then continues as if none had passed.
   void Freeze(absl::Duration time);
-  // Its machine's owner needs the machine for so long: it takes no work then.
+  // Its machine's owner needs the machine for this time, in which it takes no work.
   void GoAway(absl::Duration time);
   void ComeBack();
   // It finishes what it renders and gives the rest back; then it ends.
@@ -68,7 +68,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void Continue();
   void Synchronize();
   coordinator::WorkerReport MakeReport(const worker::WorkerState& state) const;
-  // A lease means one task for ever.
+  // A lease stands for one task forever.
   void CheckGrant(const worker::Lease& lease);
   void TakeAnswer(uint64_t sequence, const absl::StatusOr<worker::DesiredState>& desired);
   void CheckEnd();
@@ -80,7 +80,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void TakeWork();
   void Hoard();
   void Load(const worker::LeaseLedger::Task& task);
-  // Reads the guiding field of the task's frame, once a frame, and goes on.
+  // Reads the guiding field of the task's frame, once a frame, and continues.
   void FetchField(const worker::LeaseLedger::Task& task);
   void BeginRendering(const worker::LeaseLedger::Task& task);
   void Render(const worker::LeaseLedger::Task& task);
@@ -116,11 +116,11 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   bool stop_requested_ = false;
   absl::Duration stopped_at_;                            // When it was told to stop.
   absl::Duration leaves_at_ = absl::InfiniteDuration();  // When it was told to stop or went away.
-  uint64_t absence_ = 0;                                 // Of GoAway: later ones replace it.
+  uint64_t absence_ = 0;                                 // Counts GoAway: a later one replaces it.
   std::set<std::string> warm_scenes_;
   std::set<std::string> fields_;  // Digests of those that it has.
   int32_t busy_threads_ = 0;
-  uint64_t timer_ = 0;  // Of the next turn: later ones replace it.
+  uint64_t timer_ = 0;  // The next turn's: a later one replaces it.
   bool synchronizing_ = false;
   bool uploading_ = false;
 };

@@ -15,7 +15,7 @@ constexpr absl::Duration kWorkerFaultInterval = absl::Seconds(1);
 constexpr absl::Duration kFrozenMax = absl::Minutes(2);
 constexpr absl::Duration kAwayMax = absl::Minutes(2);
 constexpr absl::Duration kBackMax = absl::Seconds(30);
-// After the faults have stopped, all jobs end within this time and so many events.
+// After the faults have stopped, all jobs end within this time and this number of events.
 constexpr absl::Duration kEndMax = absl::Minutes(40);
 constexpr uint64_t kEndEventsMax = 400'000;
 constexpr uint64_t kEndCheckInterval = 20;  // Events.
@@ -102,7 +102,7 @@ void Simulation::MeetWorkerFaults() {
   }
 }
 
-// What another thread of the coordinator may do while a result is written.
+// Makes a call that another thread of the coordinator may make while a result is written.
 void Simulation::InterleaveCall(Farm& farm) {
   Random& random = world_.faults.random(Fault::kInterleaved);
   std::vector<uint64_t> jobs;
@@ -168,7 +168,7 @@ void Simulation::CheckFailures(SimulationResult* result) {
       return user->job_id() == id && user->has_cancelled();
     });
     if (job.phase == JobPhase::kCancelled && !wanted) {
-      world_.Broken(absl::StrCat("job ", id, " is cancelled, which nobody asked for"));
+      world_.Broken(absl::StrCat("job ", id, " is cancelled, although no user asked"));
     }
     if (job.phase == JobPhase::kSucceeded && poisoned) {
       world_.Broken(absl::StrCat("job ", id, " succeeded, although no worker can render it"));

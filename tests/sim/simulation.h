@@ -4,8 +4,8 @@
 // Simulation: a whole farm from a seed: coordinator, workers, users, strangers, network, disk and
 // clocks, in one thread. Equal seeds give equal runs.
 //
-// For `steps` events the faults of the seed happen. Then they stop, machines come back, users let
-// their jobs go on, and every job must end within a bounded time.
+// For `steps` events the faults of the seed happen. Then they stop, machines come back, users
+// resume their jobs, and every job must end within a bounded time.
 #pragma once
 
 #include <array>

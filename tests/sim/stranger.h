@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Stranger: somebody who sends the coordinator anything that passes the checks of its transport:
+// Stranger: a client that sends the coordinator anything that passes the checks of its transport:
 // reports in the name of other workers, results without a lease, impossible jobs.
 #pragma once
 

@@ -53,7 +53,7 @@ class World {
   uint64_t step_count() const { return step_count_; }
 
   bool traces() const { return traces_; }
-  // One line of the trace. Costs nothing where nobody reads it.
+  // Writes one line of the trace; free of cost if it is off.
   template <typename... Parts>
   void Trace(const Parts&... parts) {
     if (traces_) Print(absl::StrCat(parts...));

@@ -40,7 +40,7 @@ TileMean RenderSpectral(const std::string& text, uint64_t samples) {
   settings.color = ColorTransport::kSpectral;
   return RenderMean(testing::ReadSceneText(text), settings);
 }
-// Of linear sRGB, with its standard error, as if all channels were correlated.
+// The luminance of linear sRGB, with its standard error, as if all channels were correlated.
 struct LuminanceOf {
   explicit LuminanceOf(const TileMean& mean) {
     const double weights[3] = {0.2126, 0.7152, 0.0722};
@@ -51,7 +51,7 @@ struct LuminanceOf {
   }
   double value = 0, error = 0;
 };
-// What a table in steps of 1 nm makes of a line: its integral, by linear interpolation.
+// The integral of a line in a table with steps of 1 nm, by linear interpolation.
 double OfTable(double nm, double half_width) {
   double sum = 0;
   for (const double at : {std::floor(nm), std::floor(nm) + 1}) {

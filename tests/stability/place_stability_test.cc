@@ -173,7 +173,7 @@ ObjectEnd
   }
 }
 
-// What lies farther than rays reach is refused where it stands in the file.
+// Shapes beyond the reach of rays are refused, with their place in the file.
 TEST(PlaceStability, G23ShapesOutOfRangeAreRefused) {
   const std::string big = "Scale 1e20 1e20 1e20\n";
   const std::string moves = "ActiveTransform EndTime Translate 0 0 1e19 ActiveTransform All\n";

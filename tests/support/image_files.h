@@ -30,7 +30,7 @@ std::string RawBytes(const T& value) {
 }
 
 struct ExrText {
-  int32_t width = 1, height = 1;            // Of the data window,
+  int32_t width = 1, height = 1;            // The size of the data window,
   int32_t x = 0, y = 0;                     // which begins here.
   std::array<int32_t, 4> display{};         // x0, y0, x1, y1, inclusive; all 0: the data window.
   std::map<std::string, float> channels{};  // By name: the value of all its pixels.

@@ -25,18 +25,19 @@ namespace {
 // A named point at which the process is killed, once.
 enum KillPoint : int64_t {
   kNever = 0,
-  kBeforeRename = 1,  // Of a file to a path that contains kill_path.
+  kBeforeRename = 1,  // A file is renamed to a path that contains kill_path.
   kAfterRename = 2,
-  kAfterRow = 3,  // Of the first part that is stored: the log of the database has been synchronized
-                  // since its file was there.
-  kBeforeGroup = 4,  // Of parts: they are written, and about to be made durable together.
+  // The row of the first stored part is durable: the database's log has been synchronized since the
+  // part's file was there.
+  kAfterRow = 3,
+  kBeforeGroup = 4,  // A group of parts is written, and about to be made durable together.
   kAfterGroup = 5,   // They are durable, and their rows are about to be committed.
 };
 
 struct Faults {
   // The error of the wall clock. The steady clock stays correct, as when a machine's clock is set.
   int64_t clock_offset_seconds = 0;
-  // With which writes of regular files fail: ENOSPC, EIO or EROFS; 0: they succeed.
+  // The error with which writes of regular files fail: ENOSPC, EIO or EROFS; 0: they succeed.
   int64_t write_error = 0;
   int64_t kill_point = kNever;
   char kill_path[64] = {};

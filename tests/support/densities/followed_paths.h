@@ -37,7 +37,7 @@ class FollowedPaths : public ::testing::Test {
   struct Found {
     Stored path;
     std::vector<decltype(PathState<FromLight>::media)> media;  // In which each place was reached.
-    uint64_t index = 0;                                        // Of the light path.
+    uint64_t index = 0;                                        // The light path's.
     WavelengthsOf<Color> wavelengths;
     double camera_over_light = 0;
     float weight = 0;

@@ -318,7 +318,7 @@ class PathDensities {
     });
   }
 
-  // That of the emission of media, of which grids are sampled.
+  // The density with which light samples choose the emission of media, by their grids.
   double MediaPdf([[maybe_unused]] Vec3f p, [[maybe_unused]] Vec3f w) const {
     if constexpr (FromLens::kHeterogeneous) {
       const EmissiveVolumeSampler& grids = scene_.media->emissive_volumes();

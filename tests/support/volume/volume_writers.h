@@ -21,7 +21,7 @@ struct GridToWrite {
   float (*value)(const Voxel&) = nullptr;
   float background = 0;
   double voxel_size = 1;
-  double offset = 0.5;  // Of the grid along each axis; only OpenVDB.
+  double offset = 0.5;  // The grid's, along each axis; only OpenVDB.
   // NanoVDB's types: "float", "Fp4", "Fp8", "Fp16", "FpN", "Vec3f" (value times (1, 2, 3)),
   // "double". OpenVDB's: "float", "double", "int32", "int64", "bool", "mask" (active where the
   // value is not 0), "Vec3f", "Vec3d", "Vec3i", "points" (none).
