@@ -1,6 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What tests of the client share: a farm with one worker, exit codes, and runs of `sheaf`."""
+"""The shared part of the client's tests: a farm with one worker, exit codes, and runs of
+`sheaf`."""
 import os
 import subprocess
 import unittest

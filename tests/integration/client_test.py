@@ -192,7 +192,7 @@ class ClientTest(ClientCase):
         self.expect(self.farm.sheaf("watch", name, "-o", "one.exr", check=False), USAGE)
 
     def check_list(self, name, listed):
-        """Of what the list leaves out, and the choice of what it lists."""
+        """The list says what it leaves out, and its options choose what it shows."""
         scene = self.write("listed.pbrt", SCENE)
         self.farm.sheaf("submit", scene, "--samples", 1, "--pool", "none")
         done = self.farm.sheaf("list", "--limit", 1)

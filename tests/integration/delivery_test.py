@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Frames that are finished are delivered, whatever becomes of the others, in every client.
+"""Every client delivers finished frames, however the other frames end.
 
-Of twelve frames one cannot be rendered and one is killed; the last three never end, until the job
+One of twelve frames cannot be rendered and one is killed; the last three never end, until the job
 is cancelled.
 """
 import json

@@ -39,7 +39,7 @@ def free_bytes(folder):
 
 
 def padded(scene, size_bytes, seed=1):
-    """The scene with a comment that makes it so large."""
+    """The scene with a comment that pads it to this size."""
     bits = random.Random(seed)
     lines = [scene]
     size = len(scene)
@@ -50,7 +50,7 @@ def padded(scene, size_bytes, seed=1):
 
 
 def fill(path, leave=0):
-    """A file of somebody else's that takes all space but so much."""
+    """Writes another program's file, which takes all space but `leave` bytes."""
     with open(path, "wb") as file:
         with contextlib.suppress(OSError):
             while free_bytes(os.path.dirname(path)) > leave:
@@ -202,7 +202,7 @@ class DiskSpaceTest(unittest.TestCase):
             self.check_other_job(f)
 
     def test_an_upload_that_the_disk_cannot_take_leaves_nothing(self):
-        # Somebody else takes the space while the upload is under way.
+        # Another program takes the space during the upload.
         with self.farm_on_small_disk() as f:
             scene = self.write("large.pbrt", padded(client_case.SCENE, 12 * MEBI))
             ballast = f.path("state", "ballast")
@@ -230,7 +230,7 @@ class DiskSpaceTest(unittest.TestCase):
             ballast = f.path("state", "somebody.log")
             fill(ballast)
             self.await_reason(f, running, "not writable", "No space left")
-            # What people do to free space works, and so do restarts.
+            # Commands that free space work, and so do restarts.
             for by in (signal.SIGTERM, signal.SIGKILL, signal.SIGTERM):
                 self.restart(f, by)
                 f.sheaf("usage")

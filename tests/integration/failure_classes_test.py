@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What becomes of tasks that fail, by class: who gets them again, what people are told, and what
-they can do about it. The causes are real: tasks that do not end, scenes beyond a worker's memory.
+"""Tasks that fail, by class: which workers get them again, what users are told, and what they can
+do about it. The causes are real: tasks that do not end, scenes beyond a worker's memory.
 """
 import json
 import os
@@ -75,7 +75,7 @@ class FailureClassesTest(unittest.TestCase):
             self.assertEqual(metrics["sheaf_frames_incomplete_total"], 1)
 
             for worker in list(f.workers):
-                f.kill(worker)  # Nobody fails it again meanwhile.
+                f.kill(worker)  # So that none fails it again meanwhile.
             f.sheaf("retry", job)
             self.assertIn(self.state(f, job), ("queued", "running"))
             frame = json.loads(f.sheaf("show", job, "--json").stdout)["frames"][0]["frame_number"]

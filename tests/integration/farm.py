@@ -56,7 +56,7 @@ def wait_until(condition, seconds, what):
 
 
 def free_port():
-    """A port of loopback that nobody listens on now."""
+    """A loopback port on which no program listens now."""
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
         return s.getsockname()[1]

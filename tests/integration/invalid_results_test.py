@@ -32,7 +32,7 @@ class InvalidResultsTest(unittest.TestCase):
             for number in range(WORKERS_MAX):
                 worker = BrokenWorker(f.address, f"broken-{number}", job["numeric_profile"])
                 self.addCleanup(worker.close)
-                # The results of a worker are refused once; then it has the task no more.
+                # A worker's results are refused once; then it no longer has the task.
                 self.assertEqual(farm.wait_until(worker.deliver, 30, "a lease"),
                                  grpc.StatusCode.INVALID_ARGUMENT)
                 self.assertIsNone(worker.deliver())

@@ -81,7 +81,8 @@ class ReproTest(unittest.TestCase):
             path = self.check_failure(f, large, "memory", "--memory-limit", "16M")
             code, found = self.repro(f, path)
             self.assertEqual((code, found["ending"]), (RENDERED, "rendered"), "with more memory")
-            # Last: once somebody has delivered results, failures of others alone are not believed.
+            # This comes last: once a worker has delivered results, failures of other workers alone
+            # are not believed.
             self.check_good(f, self.submit(f, self.scene(SMALL), "--samples", SAMPLES,
                                            "--pass-samples", SAMPLES, "--lease-passes", "1"))
 

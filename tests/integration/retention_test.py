@@ -2,7 +2,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """A coordinator keeps its disk within a limit while jobs come whose parts exceed it many times
-over; a kill interrupts removals; and what is kept, damaged on disk, is made good.
+over; a kill interrupts removals; and kept files that are damaged on disk are made again.
 """
 import contextlib
 import json

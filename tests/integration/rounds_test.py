@@ -172,7 +172,7 @@ class RoundsTest(unittest.TestCase):
             self.assertIn("a refinement needs a limit", f.sheaf("refine", job, check=False).stderr)
             self.assertIn("no such job",
                           f.sheaf("refine", "jobs/9", "--samples", 32, check=False).stderr)
-            # The target is already reached: nothing happens.
+            # The target is already reached, so the refinement changes nothing.
             before = last_json(f.sheaf("show", job, "--json").stdout)
             f.sheaf("refine", job, "--samples", 16, "--wait")
             self.assertEqual(last_json(f.sheaf("show", job, "--json").stdout), before)

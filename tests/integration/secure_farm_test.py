@@ -52,7 +52,7 @@ class TwoMachines:
 
 
 class SecureFarm(Farm):
-    """After init; each person has a home of their own."""
+    """A farm after init; each user has a home of their own."""
 
     def __init__(self, machines=None):
         super().__init__()
@@ -80,7 +80,7 @@ class SecureFarm(Farm):
         return path
 
     def person(self, name, *arguments, check=True):
-        """Runs sheaf as a person with a home of their own."""
+        """Runs sheaf as the user of this name, with a home of their own."""
         before = dict(self.environment)
         self.environment["XDG_CONFIG_HOME"] = self.path("home-" + name)
         try:

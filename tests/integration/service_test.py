@@ -2,7 +2,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Coordinator and worker as services: what they tell their manager (here: this test), and workers
-that leave their machine to the person at it.
+that leave their machine to its user.
 """
 import json
 import os
@@ -124,7 +124,7 @@ class ServiceTest(unittest.TestCase):
             worker.send_signal(signal.SIGSTOP)
             manager.socket.settimeout(3 * WATCHDOG_SECONDS)
             with self.assertRaises(TimeoutError):
-                for _ in range(100):  # What it had told before.
+                for _ in range(100):  # Earlier messages.
                     manager.socket.recv(4096)
             worker.send_signal(signal.SIGCONT)
             manager.await_line("WATCHDOG=1")

@@ -77,7 +77,7 @@ class StandardStreamsTest(ClientCase):
         self.assertRegex(done.stderr, CLOSED, shown)
 
     def commands(self):
-        """What each command of `sheaf` is called with, by its name."""
+        """The arguments of each command of `sheaf`, by its name."""
         scene, image = self.scene, self.image
         submit = ["submit", scene, "--samples", "4"]
         # No worker takes it, so that it does not end.
@@ -202,7 +202,7 @@ class StandardStreamsTest(ClientCase):
         self.assertNotIn("--state-dir", done.stdout)
 
     def errors_on_terminal(self, terminal):
-        """What `sheaf render` writes to a terminal of this TERM."""
+        """The errors that `sheaf render` writes to a terminal of this TERM."""
         main, side = pty.openpty()
         environment = {key: value for key, value in self.environment.items() if key != "TERM"}
         if terminal is not None:

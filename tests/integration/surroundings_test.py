@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What programs inherit from whoever starts them: ignored signals, the time zone, the umask, names
-in other encodings, and a clock that is wrong.
+"""Programs under the surroundings that they inherit: ignored signals, the time zone, the umask,
+names in other encodings, and a clock that is wrong.
 
 Usage: surroundings_test.py FAULTS, the library of tests/support/machine_faults.cc.
 """
@@ -163,7 +163,7 @@ class SurroundingsTest(unittest.TestCase):
                 os.chmod(os.path.join(parent, name), 0o644)
         notes = os.path.join(state, "notes.txt")
         with open(notes, "w", encoding="utf-8") as file:
-            file.write("of a person")
+            file.write("of a user")
         os.symlink(notes, os.path.join(state, "outputs", "link"))
         farm.start_coordinator()
         self.assertEqual(self.open_to_others(*private), [notes])

@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What the page tells of work that is set aside, and its buttons, on a real farm. For page_test.py.
+"""The page's view of work that is set aside, and its buttons, on a real farm. For page_test.py.
 """
 import json
 import os
@@ -54,7 +54,7 @@ def check_set_aside(browser, farm, screenshot):
     before = counter(farm, "sheaf_tasks_retried_total")
     browser.run(PRESS, "Retry task")
     wait_until(lambda: browser.run(TEXT, "job-state") in ("queued", "running"), CHANGE_SECONDS_MAX,
-               "the job goes on")
+               "the job continues")
     assert counter(farm, "sheaf_tasks_retried_total") == before + 1
     # Only the task is tried again. The answer to the button may come before the event of a frame.
     wait_until(lambda: "Frame 1" not in browser.run(ASIDE) and "Frame 2" in browser.run(ASIDE),

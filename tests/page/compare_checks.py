@@ -9,7 +9,7 @@ from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, zoom_percent
 CHANGE_SECONDS_MAX = 20
 BESIDE = PIXELS.replace('"image"', '"beside"')
 assert BESIDE != PIXELS
-# Chooses an option as a person does: the list is fetched when the select gets the focus.
+# Chooses an option as a user does: the list is fetched when the select gets the focus.
 CHOOSE = """
   const select = document.getElementById(arguments[0]);
   select.focus();

@@ -28,7 +28,7 @@ def check_session(browser, _):
         browser.press(ENTER)
         wait_until(lambda: browser.run(PATH) == "/login", SECONDS_MAX, "the form")
         browser.open(f"https://{farm.http}/")
-        assert browser.run(PATH) == "/login", "the session goes on"
+        assert browser.run(PATH) == "/login", "the session continues"
         assert any(line["what"] == "sign out" and line["who"].startswith("user:anna")
                    for line in farm.audit())
         browser.open("about:blank")

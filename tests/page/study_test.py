@@ -22,7 +22,7 @@ from study_checks import check_study_page  # noqa: E402
 
 # The short form has no time for statistics: it has a study made, and checks what is true of any.
 MINUTES = 0.6 if ALL_TESTS else 0.3
-# Of a frame with light paths, whose settings cost twice as much.
+# For a frame with light paths, whose settings cost twice as much.
 LIGHT_MINUTES = 1.2 * TIME_SCALE
 # Longer for a guided frame: each of its settings is trained.
 GUIDED_MINUTES = 0.6 * TIME_SCALE

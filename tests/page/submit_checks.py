@@ -61,14 +61,14 @@ def zip_of(files):
 
 
 def drop_paths(browser, paths):
-    """Drags files or folders of this machine over the page and drops them, as a person does."""
+    """Drags files or folders of this machine over the page and drops them, as a user does."""
     def send(kind):
         browser.chrome("Input.dispatchDragEvent", type=kind, x=500, y=400,
                        data={"items": [], "files": paths, "dragOperationsMask": 1})
 
     def is_shown():
-        # A drag goes on for as long as a person holds the button; the first event of a page that
-        # has not been painted meets nothing.
+        # A drag lasts as long as the user holds the button; the first event reaches no element if
+        # the page has not been painted.
         send("dragOver")
         return not browser.run(HIDDEN, "drop-overlay")
 
@@ -167,7 +167,7 @@ def check_submission(browser, farm, screenshot):
 
 
 def check_choice(browser, farm):
-    """Of two scenes, the person chooses one."""
+    """The user chooses one of two scenes."""
     drop_bytes(browser, {"a.pbrt": SCENE.replace('Include "parts/ball.pbrt"', BALL).encode(),
                          "b.pbrt": BROKEN.encode()})
     state = submit(browser)

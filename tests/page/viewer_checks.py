@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""The image viewer, used by keyboard, wheel and mouse as by a person. For page_test.py.
+"""The image viewer, used by keyboard, wheel and mouse as a user does. For page_test.py.
 
 The made-up job must have ended: its image then does not change, so every change is the viewer's.
 """
