@@ -60,7 +60,7 @@ class SheafSettings(bpy.types.PropertyGroup):
     filter_width: bpy.props.FloatProperty(name="Width", min=0.01, max=10, default=1.5,
                                           subtype="PIXEL")
     more_options: bpy.props.StringProperty(
-        name="More options", description="Of sheaf render or sheaf submit, as --color spectral")
+        name="More options", description="Options of sheaf render or submit, such as --color spectral")
     pass_denoising: bpy.props.BoolProperty(
         name="Denoising Data", description="Normal and albedo, as the Denoise node takes them")
     pass_light_paths: bpy.props.BoolProperty(
@@ -69,7 +69,7 @@ class SheafSettings(bpy.types.PropertyGroup):
     pass_error: bpy.props.BoolProperty(name="Standard error")
     pass_samples: bpy.props.BoolProperty(name="Samples")
     frames_created: bpy.props.StringProperty(description="Creation time of that job")
-    frames_job: bpy.props.StringProperty(name="Job", description="Of the frames submitted last")
+    frames_job: bpy.props.StringProperty(name="Job", description="Job of the frames submitted last")
     frames_state: bpy.props.StringProperty(name="State")
 
 

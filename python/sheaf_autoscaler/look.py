@@ -15,7 +15,7 @@ class JobWork:
     priority: int = 0
     show: str = ""
     user: str = ""
-    show_weight: float = 1.0  # Of their shares.
+    show_weight: float = 1.0  # The weights of their shares.
     user_weight: float = 1.0
     deadline: float | None = None  # Seconds since 1970.
     task_count: float = 1.0  # Passes of tiles that are left: further threads are useless.

@@ -290,7 +290,7 @@ class SlurmTest(unittest.TestCase):
             with mock.patch.dict(os.environ, PATH=f"{folder}:{os.environ['PATH']}"):
                 engine.grow(3)
                 engine.shrink(["instance.slurm.7.1", "instance.slurm.7.2", "instance.local.x.1"])
-                # That of the three which was not cancelled: squeue does not show it yet.
+                # Only one of the three was not cancelled, and squeue does not show it yet.
                 self.assertEqual([i.name for i in engine.describe()], ["instance.slurm.7.0"])
             with open(os.path.join(folder, "calls"), encoding="utf-8") as file:
                 sbatch, scancel, squeue = file.read().splitlines()

@@ -16,7 +16,7 @@ from sheaf_autoscaler.engine import (INSTANCE_PREFIX, EngineError, Instance,  # 
                                      InstanceState)
 from sheaf_autoscaler.look import JobWork, Look, WorkerState  # noqa: E402
 
-LEASE_SECONDS = 10.0  # Of a thread.
+LEASE_SECONDS = 10.0  # For one thread.
 
 
 @dataclasses.dataclass
@@ -24,7 +24,7 @@ class SimJob:
     name: str
     quoted_seconds: float  # CPU time.
     true_seconds: float
-    deviation: float  # Of the quote.
+    deviation: float  # The quote's.
     deadline: float | None = None
     submit_time: float = 0.0
     done_seconds: float = 0.0
@@ -61,7 +61,7 @@ class SimPool:
     def __init__(self, jobs, threads=1, machines=8, start_seconds=(5, 25), seed=1,
                  thread_use=0.95):
         self.now = 1_000_000.0
-        self.steady_offset = 0.0  # Of the clock that cannot be set; tests set the other one.
+        self.steady_offset = 0.0  # For the clock that cannot be set; tests set the other one.
         self.jobs, self.threads, self.machines = list(jobs), threads, machines
         self._start_seconds, self._thread_use = start_seconds, thread_use
         self.random = random.Random(seed)
@@ -193,7 +193,7 @@ class SimPool:
         return [job, length, length]
 
     def _return(self, instance):
-        """What a worker had begun is rendered again."""
+        """The tasks that the worker had begun are rendered again."""
         for job, left, length in instance.leases:
             job.leased_seconds -= length
             job.done_seconds -= length - left

@@ -135,7 +135,7 @@ def squeue(state, options, _):
 def scancel(state, options, tasks):
     clusters = options.get("--clusters") or os.environ.get("SLURM_CLUSTERS") or "home"
     if os.environ.get("SCANCEL_INTERACTIVE"):
-        sys.exit("scancel: error: nobody answers")
+        sys.exit("scancel: error: no answer to the prompt")
     chosen = os.environ.get("SCANCEL_STATE")
     for task in state["tasks"]:
         if (f"{task['job']}_{task['task']}" in tasks and task["cluster"] == clusters

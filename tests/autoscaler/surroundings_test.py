@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What sites, users' variables and clocks do to the autoscaler: it never has more workers than
---max, and never ends by itself. Slurm's programs are stand-ins.
+"""Whatever sites, users' variables and clocks do, the autoscaler never has more workers than --max,
+and never ends by itself. Slurm's programs are stand-ins.
 """
 import itertools
 import logging
@@ -28,7 +28,7 @@ from sheaf_autoscaler.slurm_text import (check_options, cluster_of, instances_of
                                          tasks_of)
 
 MAX = 8
-# What squeue, its libraries and sites' wrappers print beside jobs.
+# Lines other than jobs that squeue, its libraries and sites' wrappers print.
 NOISE = "\n".join((
     "CLUSTER: beta", "JOBID|STATE|TIME|NODELIST|NAME|REASON", "", "   ",
     "squeue: warning: something", "slurm_load_jobs error: Unable to contact slurm controller",
@@ -36,7 +36,7 @@ NOISE = "\n".join((
     "9+0|RUNNING|0:00|n|x|y", "x_1|RUNNING|0:00|n|x|y", "7_[0-99999999999]|PENDING|0|n|x|y",
     "7_[5-1]|PENDING|0|n|x|y", "5|RUNNING|INVALID|n|mine|None", "6_1|RUNNING|0:00|n|a|b|c|d",
     "\u0663_\u0661|RUNNING|0:00|n|x|y", "...", "\x00", "\ufffd\ufffd")) + "\n"
-# squeue(1), JOB STATE CODES; the last one is nobody's.
+# From squeue(1), JOB STATE CODES; the last state of HERE is made up.
 GONE = ("BOOT_FAIL", "CANCELLED", "COMPLETED", "COMPLETING", "DEADLINE", "FAILED", "NODE_FAIL",
         "OUT_OF_MEMORY", "PREEMPTED", "REVOKED", "STAGE_OUT", "TIMEOUT", "LAUNCH_FAILED",
         "RECONFIG_FAIL")

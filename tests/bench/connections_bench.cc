@@ -46,7 +46,8 @@
 namespace sheaf::coordinator {
 namespace {
 
-constexpr int kThreads = 8;  // Of the load; each has one certificate and its share of the workers.
+// Threads that make the load; each has one certificate and its share of the workers.
+constexpr int kThreads = 8;
 constexpr int kFrames = 2;
 constexpr int kEdgePx = 768;
 constexpr int kTileEdgePx = 8;  // A part of about 24 KB.
@@ -54,7 +55,7 @@ constexpr uint64_t kSamples = 16;
 constexpr int kLeasesAhead = 2;
 constexpr absl::Duration kMeasured = absl::Seconds(15);
 constexpr absl::Duration kStartMax = absl::Seconds(60);
-constexpr absl::Duration kServed = absl::Minutes(10);  // A coordinator that nobody kills ends.
+constexpr absl::Duration kServed = absl::Minutes(10);  // Then a coordinator ends by itself.
 
 v1::CreateJobRequest JobOf(Farm& farm) {
   const absl::StatusOr<BlobDigest> file = farm.blobs().Put("a scene");

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What the transfer of scenes costs, as a table: many small files, a scene that has not changed, a
-large file of which 1 % has changed, and one scene for eight workers.
+"""Prints a table of the cost of transferring scenes: many small files, a scene that has not
+changed, a large file of which 1 % has changed, and one scene for eight workers.
 
     tests/bench/content_bench.py [--mib MIB] [--workers-mib MIB]
 

@@ -24,7 +24,7 @@ import numpy
 import OpenImageIO as oiio
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-SECONDS_MAX = 7200  # Of one image.
+SECONDS_MAX = 7200  # For one image.
 SEED, REFERENCE_SEED = 11, 77
 DARK = 0.1  # Dark pixels count against this fraction of the mean.
 

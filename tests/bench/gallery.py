@@ -22,8 +22,8 @@ import tempfile
 import OpenImageIO as oiio
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-SECONDS_MAX = 3600  # Of one scene.
-IMAGES_BYTES_MAX = 1536 << 10  # Of all images together.
+SECONDS_MAX = 3600  # For one scene.
+IMAGES_BYTES_MAX = 1536 << 10  # For all images together.
 # A .pbrt file without a film is included by another.
 FILM = re.compile(r"^\s*Film\b", re.M)
 
@@ -127,7 +127,7 @@ def main():
         name = os.path.splitext(os.path.basename(scene))[0]
         if options.scene and name not in options.scene:
             continue
-        if name in names:  # Of another folder.
+        if name in names:  # A scene of another folder has it.
             name += " of " + os.path.basename(os.path.dirname(scene))
         names.add(name)
         picture = os.path.join(pictures, name.replace(" ", "-") + ".png")

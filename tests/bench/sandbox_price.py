@@ -21,7 +21,7 @@ import farm  # noqa: E402
 
 
 def cpu_seconds():
-    """Of all processes that have ended so far, those of a worker's scenes included."""
+    """CPU time of all processes that have ended so far, including those of a worker's scenes."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
 

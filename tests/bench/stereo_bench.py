@@ -9,9 +9,9 @@
 SHEAF is a build's program `sheaf`. Each scene is rendered as a stereo frame and from its own
 camera alone, on one thread. Errors are relMSE against images of 16 times the samples, without the
 worst hundredth of the pixels: fireflies, and edges of lamps in view, are rare events that decide
-the relMSE of so few samples by chance. That of a stereo frame is of both eyes. CPU seconds are
-those of the frame's tasks, without loading. The price is error times CPU seconds of both eyes
-over those of one alone: at equal error, two independent renders cost 2.
+the relMSE of so few samples by chance. The error of a stereo frame is that of both eyes. CPU
+seconds are those of the frame's tasks, without loading. The price is error times CPU seconds of
+both eyes over those of one alone: at equal error, two independent renders cost 2.
 
 Scenes of SHEAF_PUBLIC_SCENES are added if it is set and no scene is given. Needs Debian's
 python3-openimageio and python3-numpy.
@@ -37,7 +37,7 @@ PUBLIC = [("cornell-box/cornell-box-specular-small.pbrt", "0.05,3"),
           ("veach-mis/veach-mis-small.pbrt", "0.5,20")]
 REFERENCE = 16  # Times the samples.
 REFERENCE_SEED = 1000
-WORST = 0.01  # Of the pixels, left out.
+WORST = 0.01  # Fraction of the pixels that are left out.
 
 
 def run(options, *arguments):

@@ -74,9 +74,9 @@ TILE_PX = 8
 REGIONS_PX = (8, 16, 32)
 DARK = 0.1  # Dark pixels count against this fraction of the mean, as in relMSE.
 LONGER = 4  # Times the samples, without light paths.
-FRAME_SAMPLES = 256  # Of the frame that pays for the training.
+FRAME_SAMPLES = 256  # In the frame that pays for the training.
 CALM = 1.25
-PASSES = 16  # Of the image that tells the cost of light paths without connections.
+PASSES = 16  # In the image that tells the cost of light paths without connections.
 # Numbers of the column `kind` of the table `parts`.
 KIND_TILE, KIND_LIGHT, KIND_TRAINING = 0, 1, 2
 # Prices of cost in error among which an assignment's is searched, relative to the frame's.
@@ -87,23 +87,23 @@ PRICES = numpy.geomspace(1 / 64, 64, 49)
 class Render:
     """One image. Costs are those of a sample of each pixel, or of a light pass."""
     color: numpy.ndarray           # [y, x, channel]
-    variance: numpy.ndarray        # Of a camera sample, by pixel and channel.
-    light_variance: numpy.ndarray  # Of a light pass.
+    variance: numpy.ndarray        # For a camera sample, by pixel and channel.
+    light_variance: numpy.ndarray  # For a light pass.
     tile_cost: numpy.ndarray       # [tile y, tile x]
     light_cost: float              # With connections to all pixels.
-    training_cost: float           # Of the whole training.
+    training_cost: float           # For the whole training.
     samples: int
 
 
 @dataclasses.dataclass
 class Regions:
-    """What a choice needs to know, by set of techniques and region."""
+    """The data that a choice needs, by set of techniques and region."""
     error: numpy.ndarray        # [set, region]: sums of relative variances of a camera sample.
-    light_error: numpy.ndarray  # Of a light pass.
-    cost: numpy.ndarray         # Of a camera sample in each pixel.
+    light_error: numpy.ndarray  # For a light pass.
+    cost: numpy.ndarray         # For a camera sample in each pixel.
     area: numpy.ndarray         # [region], as a fraction of the frame.
-    light_cost: float           # Of a light pass without connections.
-    connection_cost: float      # Of its connections.
+    light_cost: float           # For a light pass without connections.
+    connection_cost: float      # For its connections.
     training_cost: float
 
 
@@ -319,7 +319,7 @@ def gains(folds, adaptive):
     """The gains, in the order of the columns; the frame's best sets, and the shares of the area
     that the choice `safe` gives the sets."""
     products = numpy.zeros((4, 2))
-    hindsight = numpy.zeros((len(SETS), 2))  # Of frames: with uniform and with adaptive samples.
+    hindsight = numpy.zeros((len(SETS), 2))  # [set, uniform or adaptive samples].
     best, shares = set(), numpy.zeros(len(SETS))
     for known, same, others in folds:
         for row, (data, judge, calm, keeps_light) in enumerate((
@@ -359,7 +359,7 @@ def main():
     parser.add_argument("--cost", choices=("rays", "cpu"), default="rays")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--outliers", type=float, default=0, metavar="FRACTION",
-                        help="leave out so many of the pixels, those with the largest variance")
+                        help="leave out this fraction of the pixels, of the largest variance")
     parser.add_argument("--pairs", action="store_true",
                         help="also frames that show two scenes side by side")
     parser.add_argument("--keep", help="keep images here, and use those that are there")

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""What a job of many frames costs: the seconds of its submission, and the processors that the
-coordinator takes without clients and while three watch it.
+"""Measures what a job of many frames costs: the seconds of its submission, and the processors that
+the coordinator takes without clients and while three watch it.
 
 Prints one line of JSON. The targets are at most 5 s, and at most .1 processors more for the
 watchers.

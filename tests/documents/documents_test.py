@@ -114,7 +114,7 @@ class DocumentsTest(unittest.TestCase):
         having = {path for path in documents() if not path.startswith("docs/adr/")
                   and any(not block.reason for block in blocks(path))}
         self.assertEqual(sorted(having - set(RUN) - set(NOT_RUN)), [],
-                         "documents with blocks that nobody runs and nobody explains")
+                         "documents with blocks that are neither run nor explained")
         for path in RUN:
             self.assertTrue(any(not block.reason for block in blocks(path)), path)
 
@@ -202,7 +202,7 @@ class DocumentsTest(unittest.TestCase):
                                                    "python", "blender", "tests",
                                                    endings=(".cc", ".h", ".py"))])
         gone = [name for name in sorted(documented) if name not in text]
-        self.assertEqual(gone, [], "nobody reads them")
+        self.assertEqual(gone, [], "no source reads them")
 
     def test_messages_of_troubleshooting_exist(self):
         code = "".join(re.sub(r'"\s*\n\s*"', "", read(path))
@@ -210,7 +210,7 @@ class DocumentsTest(unittest.TestCase):
                                            endings=(".cc", ".h")))
         quoted = re.findall(r'^\| [^"|]*"([^"]+)" \|', read("docs/troubleshooting.md"), re.M)
         self.assertGreater(len(quoted), 25)
-        self.expect_none([words for words in quoted if words not in code], "nobody says")
+        self.expect_none([words for words in quoted if words not in code], "no source says")
 
     def test_tests_of_first_use_exist(self):
         named = re.findall(r"`([A-Za-z_]{12,})`",

@@ -3,9 +3,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the command blocks of README.md and of the tutorial, one line after the other.
 
-What differs from a reader's machines: addresses are loopback with free ports, farm.example.org is
-127.0.0.1, and `ssh node7` runs its command here with another home. A line that starts a coordinator
-or a worker goes on while the next lines run, as in a terminal of its own.
+It differs from a reader's machines in three ways: addresses are loopback with free ports,
+farm.example.org is 127.0.0.1, and `ssh node7` runs its command here with another home. A line that
+starts a coordinator or a worker keeps running during the next lines, as in a terminal of its own.
 """
 import os
 import re

@@ -47,11 +47,11 @@ class NotSurvived(Exception):
 
 @dataclasses.dataclass
 class Outcome:
-    """What became of one job with one fault."""
+    """The outcome of one job with one fault."""
     survived: bool = False
-    told: bool = False          # Of the fault, in words, by the coordinator or a client.
+    told: bool = False          # Whether the coordinator or a client named the fault.
     hash_equal: bool = False
-    recovery_seconds: float = 0.0  # Of the job, beyond an undisturbed one and the fault itself.
+    recovery_seconds: float = 0.0  # Beyond those of an undisturbed job and the fault.
     repeated: float = 0.0       # Leases beyond those of an undisturbed job, as a fraction.
     lost: int = 0               # Acknowledged parts that were not there after a restart.
     twice: int = 0              # Samples that two parts hold.
@@ -77,8 +77,8 @@ class Bench:
         self.undisturbed_jobs = undisturbed_jobs
         self.random = random.Random(seed)
         self.scene_number = 0
-        self.digests = {}  # Of the pixels, by the digest of the file.
-        self.worker_names = {}  # Of their logs, by process id.
+        self.digests = {}  # Digests of pixels, by the digest of the file.
+        self.worker_names = {}  # Names of their logs, by process id.
         self.stack = contextlib.ExitStack()
 
     def __enter__(self):
@@ -238,7 +238,7 @@ class Bench:
             covered.update((x, y, kind, sample) for sample in range(first, first + count))
         self.outcome.twice = sum(times - 1 for times in covered.values())
 
-    # What the farm says.
+    # Answers of the farm.
 
     def acknowledged(self):
         return self.farm.acknowledged(self.job)
@@ -247,7 +247,7 @@ class Bench:
         return self.farm.metrics().get(name, 0)
 
     def _granted_now(self):
-        """Leases of this life of the coordinator; 0 where it does not answer."""
+        """Leases granted since the coordinator's start; 0 where it does not answer."""
         try:
             return self.metric("sheaf_leases_granted_total")
         except (URLError, OSError):
@@ -260,7 +260,7 @@ class Bench:
     def waiting_reason(self):
         return json.loads(self.farm.sheaf("show", self.job, "--json").stdout)["waiting_reason"]
 
-    # What happens to processes.
+    # Starts and ends of processes.
 
     def start_worker(self):
         """One whose faults are those of workers, not the coordinator's."""
@@ -303,7 +303,7 @@ class Bench:
             return False
 
     def restart_coordinator(self):
-        """Starts one that is not running. What was acknowledged before must still be there."""
+        """Starts one that is not running. It must still have all acknowledged parts."""
         before = self.acknowledged()
         self.faults.set()
         self.farm.start_coordinator()

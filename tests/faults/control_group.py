@@ -76,7 +76,7 @@ class ControlGroup:
         return _parent()
 
     def limit(self, max_bytes):
-        """Of all its processes together; None: no limit."""
+        """Limits the memory of all its processes together; None: no limit."""
         if _parent() == VERSION_1:
             name, text = "memory.limit_in_bytes", "-1" if max_bytes is None else str(max_bytes)
         else:

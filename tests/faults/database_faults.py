@@ -12,7 +12,7 @@ import farm
 from damaged_files import flip_bit, overwrite
 from kinds import kind
 
-PAGE_HEADER_BYTES = 8  # Of a leaf; its first byte is the page's type.
+PAGE_HEADER_BYTES = 8  # In a leaf; the first byte is the page's type.
 FILE_HEADER_BYTES = 100  # Before the page header of the first page.
 ROWS_OF_A_JOB = ("jobs", "frames", "parts")
 
@@ -67,7 +67,7 @@ def submit_again_if_job_is_gone(bench):
 
 def change_while_down(bench, change):
     """A start that finds the damage says what to do, and a copy is put back; where it finds none,
-    work goes on, and no image may be wrong. Parts whose rows changed are revoked."""
+    work continues, and no image may be wrong. Parts whose rows changed are revoked."""
     bench.begin()
     with bench.fault():
         bench.stop_coordinator()
@@ -136,7 +136,7 @@ def run_sqlite(command):
 @kind("page of the database is damaged, and a backup restored", bench="database",
       must_tell=True, needs="sqlite3")
 def backup_restored(bench):
-    """The backup is made while the coordinator works, and the job goes on after it."""
+    """The backup is made while the coordinator works, and the job continues after it."""
     backup = bench.farm.path("backup.db")
     bench.begin()
     run_sqlite(f"sqlite3 '{database(bench)}' \".backup '{backup}'\"")
@@ -169,7 +169,7 @@ def started_anew(bench):
 @kind("page of the database is damaged, and its rows recovered", bench="database", must_tell=True,
       needs="recover")
 def rows_recovered(bench):
-    """What the message names last. Rows of the damaged page are lost with it."""
+    """Applies the last remedy that the message names. Rows of the damaged page are lost with it."""
     bench.begin()
     recovered = bench.farm.path("recovered.db")
     with contextlib.suppress(FileNotFoundError):
@@ -193,7 +193,8 @@ def why_not_recover():
 
 @kind("bit of the database changes while the coordinator works", bench="database", spoils=True)
 def changed_while_working(bench):
-    """Until it is read, nobody can know. Then writes wait, in words, and a backup is restored."""
+    """The damage shows only when it is read. Then writes wait, with a message, and a backup is
+    restored."""
     backup = bench.farm.path("backup.db")
     bench.begin()
     with bench.fault():

@@ -35,9 +35,9 @@ import machine_kinds  # pylint: disable=wrong-import-position,unused-import
 import network_faults  # pylint: disable=wrong-import-position
 
 INSIDE = "SHEAF_FAULTS_INSIDE"  # Set within the namespaces.
-STATE_BYTES = "512m"  # Of the file system of the coordinator's state.
-PROBLEMS_SHOWN_MAX = 5  # Of each kind.
-FAILURES_MAX = 20  # Of one farm; then its remaining faults are left out.
+STATE_BYTES = "512m"  # Size of the file system of the coordinator's state.
+PROBLEMS_SHOWN_MAX = 5  # For each kind.
+FAILURES_MAX = 20  # On one farm; then its remaining faults are left out.
 
 
 def enter_namespaces():

@@ -2,9 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A store is killed (kill -9) while many threads write parts to it, at random moments, again and
-// again on one directory. Each next life must have every part that was acknowledged, whole, and no
-// file of one that was not. What a loss of power leaves of a group is for tests/sim.
-// SHEAF_KILLS is the number of kills, 5 unless it is said; SHEAF_SEED repeats a run.
+// again on one directory. Each restart must find every acknowledged part, whole, and no file of a
+// part without a row. tests/sim covers what a loss of power leaves of a group. SHEAF_KILLS is the
+// number of kills, by default 5; SHEAF_SEED repeats a run.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -172,10 +172,10 @@ TEST_F(GroupKillTest, NothingAcknowledgedIsLost) {
       ASSERT_TRUE(bytes.ok()) << bytes.status();
       EXPECT_EQ(*bytes, BytesOf(static_cast<uint32_t>(index)));
     }
-    EXPECT_EQ(CountFiles(), rows.size()) << "files that nobody was told of stay";
+    EXPECT_EQ(CountFiles(), rows.size()) << "files without rows stay";
     unacknowledged_rows += rows.size() - acknowledged.size();
     dropped_files += files_before - rows.size();
-    // The next life finds the parts of its own alone, so that many lives stay quick.
+    // The next run finds only its own parts, so that many runs stay quick.
     ASSERT_TRUE((*store)->RemoveFrameParts({job_, 1}).ok());
   }
   std::printf(

@@ -10,8 +10,8 @@ class Kind:
     name: str
     cause: Callable  # Gets a Bench.
     bench: str       # The name of the farm in which it happens.
-    must_tell: bool  # Whether the farm has to tell people of it.
-    needs: str       # What the machine must have beyond programs: "", "mounts", "tunnels" ...
+    must_tell: bool  # Whether the farm must report it to users.
+    needs: str       # The machine's needs beyond programs: "", "mounts", "tunnels" ...
     spoils: bool     # Whether the farm is of no further use: the next fault gets another one.
 
 

@@ -76,7 +76,7 @@ class LiarsTest : public CoordinatorServerTest {
     return request;
   }
 
-  // Works until the test ends or the farm wants no more of it.
+  // Works until the test ends or the farm refuses it.
   void Work(SyntheticWorker* worker) {
     while (!stop_) {
       const absl::Status status = worker->Synchronize(3);

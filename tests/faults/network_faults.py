@@ -15,7 +15,7 @@ from slow_link import SlowLink
 
 COORDINATOR_ADDRESS, WORKERS_ADDRESS = "10.77.0.1", "10.77.0.2"
 CUT_SECONDS = (0.2, 1.6)  # Around the duration of a lease.
-ALL = 1000  # Of a thousand packets.
+ALL = 1000  # In thousandths of the packets.
 
 
 class TunnelFarm(farm.Farm):

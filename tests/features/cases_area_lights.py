@@ -9,7 +9,7 @@ import closed_forms as cf
 from scenes import case, gray, image, lamp, plate, rectangle, scene
 
 PI = math.pi
-SQUARE = rectangle(more="")  # Of area 4; shines towards the camera.
+SQUARE = rectangle(more="")  # Its area is 4; it shines towards the camera.
 DOWN = "Rotate 180 0 1 0\n"  # Its front turns to +z.
 
 

@@ -43,7 +43,7 @@ import scenes  # noqa: E402  pylint: disable=wrong-import-position
 TOLERANCE = 0.02
 CASES_MIN = 300
 RENDER_SECONDS_MAX = 120
-FRAMES_MAX = 800  # Of one run of the renderer.
+FRAMES_MAX = 800  # In one run of the renderer.
 # Smaller values count as 0 beside those of these scenes, which are about 1.
 SMALL = 1e-3
 

@@ -103,7 +103,7 @@ def precompiled():
 
 
 def compile_joined(paths):
-    """What clang says of the sources, compiled as one; "" where it says nothing."""
+    """Compiles the sources as one; returns clang's messages, or "" if there are none."""
     text = "".join(f'#include "{os.path.join(ROOT, p)}"\n' for p in paths)
     headers = os.path.join(precompiled().name, "headers.pch")
     done = subprocess.run([CLANG, *FLAGS, "-include-pch", headers, "-x", "c++", "-"], input=text,

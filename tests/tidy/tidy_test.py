@@ -6,10 +6,12 @@
 Run from anywhere: tests/tidy/tidy_test.py. Each check is one test; a failure lists every place.
 """
 import graphlib
+import io
 import json
 import os
 import re
 import subprocess
+import tokenize
 import unittest
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
@@ -153,8 +155,7 @@ DOORS = {
 # Where comments, messages and documents are plain English.
 PLAIN_FOLDERS = tuple(f + "/" for f in (
     "coordinator", "proto", "dashboard/src", "python", "blender", "deploy", "docs", "cli",
-    "common", "worker", "scenes")) + ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md")
-PLAIN_NOT_YET = ()
+    "common", "worker", "scenes", "tests")) + ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md")
 # Phrases that read as translated, and what to write instead.
 PLAIN_ENGLISH = {
     r"\b[Nn]obody\b|\b[Ss]omebody\b": "name who acts: no worker, another user",
@@ -176,6 +177,9 @@ PLAIN_ENGLISH = {
     r"(?:^|[.:;] )(Of (?!course)|What (?!to |do |you )|Who |Whose |Whom |Whoever )":
         "begin with the subject",
 }
+# Tokens of Python that hold prose; since 3.12 the text of an f-string is a token of its own.
+PROSE_TOKENS = {tokenize.COMMENT, tokenize.STRING,
+                getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
 
 LEFT_OVERS = re.compile(r"\b(TODO|FIXME|XXX|HACK)\b|not (yet )?implemented|for now\b", re.I)
 
@@ -225,9 +229,20 @@ def function_lengths(text):
 def prose(path):
     """Yields (offset, text) of the comments and strings of a source, and of the lines of others.
 
-    Adjacent comments, and the pieces of one string, are one text.
+    Adjacent comments, and the pieces of one string, are one text; in Python each line is one. A
+    string of Python without a space is a name.
     """
     text = read(path)
+    if path.endswith(".py"):
+        starts = [0] + [line.end() for line in re.finditer("\n", text)]
+        for token in tokenize.generate_tokens(io.StringIO(text).readline):
+            if token.type in PROSE_TOKENS:
+                start = starts[token.start[0] - 1] + token.start[1]
+                for line in re.finditer(r"[^\n]+", token.string):
+                    words = line.group().strip(" #*-/\"'`|")
+                    if token.type == tokenize.COMMENT or " " in words:
+                        yield start + line.start(), words
+        return
     if not path.endswith((".h", ".cc", ".proto", ".ts")):
         for line in re.finditer(r"[^\n]+", text):
             yield line.start(), line.group().strip(" #*-/\"'`|")
@@ -385,11 +400,12 @@ class TidyTest(unittest.TestCase):
         self.expect_none(problems, "left-over markers")
 
     def test_english_is_plain(self):
+        own = os.path.relpath(os.path.abspath(__file__), ROOT)
         any_phrase = re.compile("|".join(PLAIN_ENGLISH))
         problems = []
         for path in tracked(".h", ".cc", ".proto", ".ts", ".py", ".md", ".yml", ".yaml", ".json",
                             ".conf", ".service", ".toml"):
-            if not path.startswith(PLAIN_FOLDERS) or path.startswith(PLAIN_NOT_YET):
+            if not path.startswith(PLAIN_FOLDERS) or path == own:
                 continue
             for offset, text in prose(path):
                 if not any_phrase.search(text):

@@ -10,7 +10,7 @@ import mathutils
 _TURN = mathutils.Matrix.Diagonal((1, 1, -1, 1))
 LENS_RADIUS_MIN = 1e-6
 SHUTTER_POINTS = 33
-SHEAR_MIN = 1e-4  # Of the cosines between the axes of a camera below sheared parents.
+SHEAR_MIN = 1e-4  # The least cosine between axes that counts; sheared parents shear a camera.
 
 
 def camera_from_world(matrix):

@@ -11,7 +11,7 @@ from . import meshes
 from .collector import motion_key
 
 KEYS_MAX = 17             # As many steps as a mesh of Sheaf may have.
-ERROR_MAX_PX = 0.25       # Of the way between two keys, where the camera sees it.
+ERROR_MAX_PX = 0.25       # Between two keys, as the camera sees it.
 KEYED_INSTANCES_MAX = 500  # Instances whose motion is written as a mesh of several keys.
 
 

@@ -20,7 +20,7 @@ from .images import Images
 from .settings import note_all as note_settings
 from .scene_writer import SceneWriter, sphere_of
 
-CAMERA_UNEVEN_MAX = 1e-3  # Of the elements of its matrix, from those of its even motion.
+CAMERA_UNEVEN_MAX = 1e-3  # Difference of the elements of its matrix from those of its even motion.
 
 
 @dataclasses.dataclass

@@ -9,7 +9,7 @@ from . import node_links, principled_node, settings
 from .node_values import NodeValues
 
 
-TILT_MIN_DEGREES = 12.0  # Of a mean; below it the light differs by less than 3 %.
+TILT_MIN_DEGREES = 12.0  # On average; below it the light differs by less than 3 %.
 
 
 @dataclasses.dataclass(frozen=True)

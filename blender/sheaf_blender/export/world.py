@@ -16,7 +16,7 @@ from .images import write_pixels
 from .node_values import NodeValues
 
 BLACK = (0.0, 0.0, 0.0)
-UNIFORM_ERROR_MAX = 1e-4  # Of the lengths of axes that are scaled alike.
+UNIFORM_ERROR_MAX = 1e-4  # Relative difference of the lengths of axes that are scaled alike.
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ..farm import images as image_files
 from ..scene import sphere_map
 
 WIDTH_PX, HEIGHT_PX = 2048, 1024  # A pixel is a third of the sun's disk.
-EDGE_TEXELS = 1024                # Of the square: a texel is as large as a pixel at the horizon.
+EDGE_TEXELS = 1024                # The square's: a texel is as large as a pixel at the horizon.
 SAMPLES = 4
 SECONDS_MAX = 600
 KEPT_MAPS_MAX = 4

@@ -6,7 +6,7 @@ import dataclasses
 from . import materials, values
 
 BLACK = (0.0, 0.0, 0.0)
-PINK = (1.0, 0.0, 1.0)  # Of what is missing, as in Cycles.
+PINK = (1.0, 0.0, 1.0)  # The color of what is missing, as in Cycles.
 
 
 @dataclasses.dataclass(frozen=True)
@@ -18,8 +18,8 @@ class Closure:
 
 
 EMPTY = Closure(None, 0.0)
-NOTHING = Closure(None, 1.0)  # Of a socket without a shader: black, and light does not pass.
-GLOW_ALPHA = 0.1  # Of a surface that shines and is transparent: Sheaf cuts both by alpha.
+NOTHING = Closure(None, 1.0)  # A socket without a shader: black, and light does not pass.
+GLOW_ALPHA = 0.1  # For a surface that shines and is transparent: Sheaf cuts both by alpha.
 # Light passes straight through the part that alpha leaves.
 GLOW_MATERIAL = materials.make("thindielectric", floats={"eta": 1.0})
 

@@ -8,7 +8,7 @@ import dataclasses
 
 HANDLED, REPORTED, OWN = "handled", "reported", "own"
 ELSEWHERE = object()  # The code that reads the property also reports it.
-EMPTY = object()      # Of a collection.
+EMPTY = object()      # An empty collection.
 
 
 @dataclasses.dataclass(frozen=True)

@@ -22,7 +22,7 @@ CHOSEN = []  # Cases; all if empty.
 
 
 def run_in_blender(script, *arguments):
-    """What a script prints inside Blender with the add-on, and its exit code."""
+    """Runs a script inside Blender with the add-on; returns its output and its exit code."""
     with tempfile.TemporaryDirectory(prefix="sheaf-blender-findings-") as folder:
         addons = pathlib.Path(folder, "user", "addons")
         addons.mkdir(parents=True)

@@ -12,7 +12,7 @@ import bpy
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import in_blender
 
-MANY_SAMPLES = 65536  # Of a job that does not end by itself within the test.
+MANY_SAMPLES = 65536  # For a job that does not end by itself within the test.
 
 
 class Layout:

@@ -40,8 +40,8 @@ FINDINGS = (
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
     "shutter_curve")
-RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # Of random_scenes.HandledScene.
-MEAN_DIFFERENCE_MAX = 0.03  # Of the mean of each channel.
+RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # From random_scenes.HandledScene.
+MEAN_DIFFERENCE_MAX = 0.03  # Fraction of each channel's mean.
 EXPORT_SECONDS_MAX = 10.0
 START_SECONDS_MAX = 120
 RENDER_SECONDS_MAX = 3600

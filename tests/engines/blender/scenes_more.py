@@ -201,8 +201,8 @@ def mattes(b):
 
 
 def coats(b):
-    """What layers and tints of the Principled BSDF look like: a clear coat, sheen, brushed metal, a
-    tinted reflection, half transmission; and colored glass of its own shader.
+    """Layers and tints of the Principled BSDF: a clear coat, sheen, brushed metal, a tinted
+    reflection, half transmission; and colored glass of its own shader.
     """
     b.camera(lens=36)
     b.background(0.4, (0.8, 0.9, 1))

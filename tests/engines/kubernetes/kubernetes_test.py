@@ -99,7 +99,7 @@ class ImageTest(unittest.TestCase):
             farms.wait_until(lambda: read_state(process) == "T", 10, "a process that stands still")
             self.assertEqual(container.health()[0], 1)
             podman("kill", "--signal", "CONT", container.name)
-            farms.wait_until(lambda: container.health()[0] == 0, 20, "a process that goes on")
+            farms.wait_until(lambda: container.health()[0] == 0, 20, "a process that continues")
 
     def test_certificates(self):
         with Container("sheaf-test-t", *CONFINED, "-e", "SHEAF_HEALTH_GRPC=17401", "-e",
@@ -191,7 +191,8 @@ class WorkerTest(unittest.TestCase):
         return text
 
     def test_pod(self):
-        """The pod of the manifests renders; preStop hands its work back; another one goes on."""
+        """The pod of the manifests renders; preStop hands its work back; another pod continues
+        it."""
         text = self.manifest()
         hook = re.search(r"- (kill -TERM 1; while .*)$", text, re.M)[1]
         path = self.farm.path("pod.yaml")

@@ -8,8 +8,8 @@
 A completion is a result of 24 KB whose part is on the disk and whose row is committed with fsync.
 First the store alone takes them from threads that do nothing else (store_bench), then a coordinator
 from synthetic workers (completions_bench), which render on the same processors. The parts and the
-server's data are on one disk: that of DIR. What else writes to its file system, every group of
-results waits for (docs/adr/0075).
+server's data are on one disk: that of DIR. Every group of results also waits for all other writes
+to that file system (docs/adr/0075).
 """
 import argparse
 import os
@@ -32,7 +32,7 @@ STORES = ("SQLite", "PostgreSQL")
 ROWS_OF_STORE_BENCH = 4
 # Limits a run on one store beyond the measured time: its start, stop, and removal of its parts.
 OVERHEAD_SECONDS_MAX = 20 * farm.TIME_SCALE
-RUN_SECONDS_MAX = 10  # Of completions_bench, on one store.
+RUN_SECONDS_MAX = 10  # For completions_bench, on one store.
 ROW = re.compile(r"\s*(\d+) writers: +(\d+) durable")
 RUN = re.compile(r"(SQLite|PostgreSQL): (\d+) results/s")
 

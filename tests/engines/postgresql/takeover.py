@@ -165,7 +165,7 @@ class Run:
     def cause(self, faults, minutes_max):
         for number, fault in enumerate(faults, 1):
             if self.minutes() > minutes_max:
-                self.say(f"no more faults after {minutes_max} minutes")
+                self.say(f"no further faults after {minutes_max} minutes")
                 return
             seconds = self.kill_owner() if fault == "kill" else self.restart_database()
             self.say(f"fault {number} of {len(faults)}, {fault}: work after {seconds:.2f} s")

@@ -181,7 +181,7 @@ class Cluster:
         return dict(line.split() for line in text.splitlines())
 
     def resume_drained(self):
-        """What an operator does after a launch failed; returns the nodes."""
+        """Resumes drained nodes, as an operator does after a failed launch; returns them."""
         drained = [n for n, state in self.states().items() if "drain" in state or "down" in state]
         for node in drained:
             if node in self._slurmds:

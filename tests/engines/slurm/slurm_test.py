@@ -43,7 +43,7 @@ LightSource "infinite" "rgb L" [0.6 0.7 1]
 Material "diffuse" "rgb reflectance" [0.5 0.4 0.3]
 Shape "sphere" "float radius" [1]
 """
-TILES = 4  # Of 32 x 32 pixels.
+TILES = 4  # Each has 32 x 32 pixels.
 
 
 class SlurmFarm:
