@@ -60,7 +60,8 @@ class SheafSettings(bpy.types.PropertyGroup):
     filter_width: bpy.props.FloatProperty(name="Width", min=0.01, max=10, default=1.5,
                                           subtype="PIXEL")
     more_options: bpy.props.StringProperty(
-        name="More options", description="Options of sheaf render or submit, such as --color spectral")
+        name="More options",
+        description="Options of sheaf render or submit, such as --color spectral")
     pass_denoising: bpy.props.BoolProperty(
         name="Denoising Data", description="Normal and albedo, as the Denoise node takes them")
     pass_light_paths: bpy.props.BoolProperty(
