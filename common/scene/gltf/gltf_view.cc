@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/scene/gltf/gltf_view.h"
 
+#include <algorithm>
 #include <vector>
 
 #include "absl/strings/match.h"
@@ -31,7 +32,8 @@ bool ParsePixels(const std::string& text, int32_t* pixels) {
 }  // namespace
 
 bool IsGltfName(const std::string& name) {
-  return absl::EndsWithIgnoreCase(name, ".gltf") || absl::EndsWithIgnoreCase(name, ".glb");
+  return std::ranges::any_of(
+      kGltfEndings, [&name](const char* ending) { return absl::EndsWithIgnoreCase(name, ending); });
 }
 
 std::string GltfViewFile(const std::string& main_file) { return main_file + ".view"; }

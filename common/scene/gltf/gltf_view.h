@@ -29,7 +29,9 @@ struct GltfView {
   friend bool operator==(const GltfView&, const GltfView&) = default;
 };
 
-// Whether a scene of this name is a glTF file: .gltf or .glb, in letters of either case.
+// Endings of the names of glTF files, in lower case.
+inline constexpr const char* kGltfEndings[] = {".gltf", ".glb"};
+// Whether the name has one of these endings, in letters of either case.
 bool IsGltfName(const std::string& name);
 // Name of the file that holds the view of a scene file.
 std::string GltfViewFile(const std::string& main_file);

@@ -34,7 +34,6 @@ absl::StatusOr<ReadSceneResult> ReadGltfAsViewed(const std::string& main_file, F
 }
 
 constexpr const char* kPbrtEndings[] = {".pbrt"};
-constexpr const char* kGltfEndings[] = {".gltf", ".glb"};
 constexpr SceneFileFormat kFormats[] = {
     {"pbrt-v4", kPbrtEndings,
      [](const std::string& main_file, FileSource& files, const SceneReaderLimits& limits) {
