@@ -155,7 +155,8 @@ DOORS = {
 # Where comments, messages and documents are plain English.
 PLAIN_FOLDERS = tuple(f + "/" for f in (
     "coordinator", "proto", "dashboard/src", "python", "blender", "deploy", "docs", "cli",
-    "common", "worker", "scenes", "tests")) + ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md")
+    "common", "worker", "scenes", "tests")) + (
+    "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "README.md")
 # Phrases that read as translated, and what to write instead.
 PLAIN_ENGLISH = {
     r"\b[Nn]obody\b|\b[Ss]omebody\b": "name who acts: no worker, another user",
