@@ -87,7 +87,7 @@ endfunction()
 #                       [GIVES fixture])
 #
 # Adds a test that runs the built programs, which it finds through SHEAF_BIN. It also gets the label
-# "script". Of a script of Python's unittest, register_tests.py lists the cases.
+# "script". If the script uses Python's unittest, register_tests.py lists its cases.
 function(sheaf_add_script_test)
   cmake_parse_arguments(T "LAST" "NAME;LABEL;NEEDS;GIVES" "COMMAND" ${ARGN})
   set(last)

@@ -155,8 +155,8 @@ DOORS = {
 # Where comments, messages and documents are plain English.
 PLAIN_FOLDERS = tuple(f + "/" for f in (
     "coordinator", "proto", "dashboard/src", "python", "blender", "deploy", "docs", "cli",
-    "common", "worker", "scenes", "tests")) + (
-    "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "README.md")
+    "common", "worker", "scenes", "tests", "cmake")) + (
+    "CMakeLists.txt", "ARCHITECTURE.md", "CHANGELOG.md", "CONTRIBUTING.md", "README.md")
 # Phrases that read as translated, and what to write instead.
 PLAIN_ENGLISH = {
     r"\b[Nn]obody\b|\b[Ss]omebody\b": "name who acts: no worker, another user",
@@ -405,7 +405,7 @@ class TidyTest(unittest.TestCase):
         any_phrase = re.compile("|".join(PLAIN_ENGLISH))
         problems = []
         for path in tracked(".h", ".cc", ".proto", ".ts", ".py", ".md", ".yml", ".yaml", ".json",
-                            ".conf", ".service", ".toml"):
+                            ".conf", ".service", ".toml", ".sh", ".cmake", "CMakeLists.txt"):
             if not path.startswith(PLAIN_FOLDERS) or path == own:
                 continue
             for offset, text in prose(path):

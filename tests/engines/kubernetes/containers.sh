@@ -33,7 +33,7 @@ base_image() {
   local root=$work/base
   [ -e "$root/etc/debian_version" ] || debootstrap --variant=minbase bookworm "$root" \
     "${SHEAF_DEBIAN_MIRROR:-http://deb.debian.org/debian}" > "$work/debootstrap.log"
-  # What the "slim" images leave out.
+  # The "slim" images leave out these files.
   tar -C "$root" --exclude='./usr/share/doc/*' --exclude='./usr/share/man/*' \
     --exclude='./usr/share/locale/*' --exclude='./usr/share/info/*' \
     --exclude='./var/cache/apt/*' --exclude='./var/lib/apt/lists/*' --exclude='./dev/*' -c . |
