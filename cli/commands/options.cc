@@ -403,7 +403,7 @@ void AddPlacementOptions(CLI::App* command, JobArguments* arguments) {
       ->type_name("TAG");
   command
       ->add_option("--memory-min", arguments->memory_min_bytes,
-                   "Only workers that give scenes so much memory, e.g. 16G. Without it, those "
+                   "Only workers that give scenes this much memory, e.g. 16G. Without it, those "
                    "that have less than the scene is expected to need come last")
       ->transform(AsBytes());
 }

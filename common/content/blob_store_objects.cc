@@ -24,9 +24,9 @@
 namespace sheaf {
 namespace {
 
-// So much of an object is in memory at a time.
+// The part of an object that is in memory at a time.
 constexpr uint64_t kPieceBytes = uint64_t{16} << 20;
-// An object whose bytes came with another digest is fetched so often.
+// How often an object is fetched whose bytes came with another digest.
 constexpr int kFetchesMax = 3;
 
 std::string ObjectKeyOf(const BlobDigest& digest) {

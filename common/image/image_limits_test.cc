@@ -157,7 +157,7 @@ std::map<std::string, std::string> LargeHeaders() {
   };
 }
 
-// While it lives, the process may take only so much more address space.
+// While it lives, the process may take only this much more address space.
 class MemoryLimit {
  public:
   MemoryLimit() {

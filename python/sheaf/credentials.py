@@ -23,7 +23,7 @@ from sheaf.protocol import ProtocolInterceptor
 
 MESSAGE_BYTES_MAX = 64 << 20  # As all programs of Sheaf.
 TLS_PROBE_SECONDS = 2
-COORDINATORS_MAX = 1000  # Folders that are looked at.
+COORDINATORS_MAX = 1000  # Folders that are read.
 # Certificates of users last seven days; a renewal takes place from half of that on.
 RENEW_AFTER_SECONDS = 3.5 * 86400
 RENEW_SECONDS_MAX = 60

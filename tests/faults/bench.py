@@ -184,10 +184,10 @@ class Bench:
         time.sleep(self.random.uniform(least, most))
 
     def tell(self, told, what=""):
-        """Notes whether the farm told of the fault; what: for the report where it must have."""
+        """Notes whether the farm reported the fault; what: names it in the error if it had to."""
         self.outcome.told = self.outcome.told or bool(told)
         if what:
-            assert told, "nothing tells of " + what
+            assert told, "no program reports " + what
 
     def _finish(self):
         deadline = time.monotonic() + JOB_SECONDS_MAX * farm.PATIENCE

@@ -51,7 +51,7 @@ def refuses(bench):
 
 
 def submit_again_if_job_is_gone(bench):
-    """A job whose rows changed or are lost ends in words; then its scene is submitted again.
+    """A job whose rows changed or are lost ends with a message; then its scene is submitted again.
     Returns whether that was so."""
     shown = bench.farm.sheaf("show", bench.job, "--json", check=False)
     said = shown.stdout + shown.stderr
@@ -114,7 +114,7 @@ def flip_bit_within(path, first, end, random):
 @kind("bit of a job's rows in the database changes while the coordinator is down",
       bench="database", spoils=True)
 def row_changed_while_down(bench):
-    """SQLite's checks do not see most of these. The job ends in words, its parts are rendered
+    """SQLite's checks do not see most of these. The job ends with a message, its parts are rendered
     again, or nothing of its image has changed."""
     def change(path):
         _, first, end = bench.random.choice(pages_of(path, ROWS_OF_A_JOB))

@@ -46,7 +46,7 @@ def fill_disk(ballast):
             try:
                 os.posix_fallocate(file.fileno(), taken, piece)
                 taken += piece
-            except OSError:  # No so much is left.
+            except OSError:  # Less is left.
                 piece //= 2
 
 

@@ -8,8 +8,8 @@ Usage: faults.py [--times N] [--minutes M] [--farms N] [--kind NAME]... [--seed 
 
 It runs in network and mount namespaces of its own, so that nothing outside is touched; kinds of
 faults that this machine cannot cause are listed with the reason. The exit code is 1 if a job was
-lost, an image differs, an acknowledged part was lost or merged twice, or nothing told of a fault
-that people must hear of. README.md says what each column means.
+lost, an image differs, an acknowledged part was lost or merged twice, or no program reported a
+fault that users must learn of. README.md says what each column means.
 """
 import argparse
 import concurrent.futures
@@ -129,7 +129,7 @@ def run_bench(name, chosen, arguments, with_mounts, report):
                 kind = left.pop(0)
                 outcome = bench.run(kind.cause)
                 if kind.must_tell and not outcome.told and not outcome.problem:
-                    outcome.problem = "nothing told of it"
+                    outcome.problem = "no program reported it"
                 outcomes[kind.name].append(outcome)
                 note(arguments.journal, kind, outcome)
                 report(kind, outcome)

@@ -403,7 +403,7 @@ class ClientTest(ClientCase):
         self.assertEqual(self.farm.sheaf("list").stdout, jobs)
 
     def test_failures_of_rendering_are_said_once(self):
-        """A displacement is looked at by rendering alone."""
+        """Only rendering reads a displacement."""
         scene = self.write("steep.pbrt", SCENE + 'Texture "far" "float" "scale" "float tex" 1e30 '
                            '"float scale" 1e30\nShape "trianglemesh" "integer indices" [0 1 2] '
                            '"point3 P" [0 0 0  1 0 0  0 1 0] "texture displacement" "far"\n')

@@ -51,7 +51,7 @@ def overwrite(path, change):
         file.seek(0)
         file.write(data)
         file.flush()
-        # By its descriptor: whoever finds the damage moves the file away at once.
+        # By its descriptor: a program that finds the damage moves the file away at once.
         assert os.fstat(file.fileno()).st_size == before.st_size
         os.utime(file.fileno(), ns=(before.st_atime_ns, before.st_mtime_ns))
 

@@ -142,7 +142,7 @@ class IdentityTest(unittest.TestCase):
             check=False, timeout=60 * farm.PATIENCE)
 
     def test_kept_work_goes_on_after_a_failure(self):
-        """Regression: the failed job was found again and reported at once, for ever."""
+        """Regression: the failed job was found again and reported at once, forever."""
         scene = self.scene("large.pbrt", LARGE)
         done = self.render(scene, "--scene-memory-max", "16M")
         self.assertEqual(done.returncode, FAILED, done.stderr)
@@ -155,7 +155,7 @@ class IdentityTest(unittest.TestCase):
         self.assertEqual(farm.image_digest(self.path("image.exr")), farm.image_digest(whole))
 
     def test_kept_work_begins_anew_after_a_cancellation(self):
-        """Regression: a render whose job was cancelled on its page ended with code 5 for ever."""
+        """Regression: a render whose job was cancelled on its page ended with code 5 forever."""
         scene = self.scene("long.pbrt", SCENE)
         process = self.start("render", scene, "--samples", ENDLESS, "--keep-state",
                              self.path("kept"), "-o", self.path("image.exr"), "--http",

@@ -106,7 +106,7 @@ class ReproTest(unittest.TestCase):
         self.assertEqual(task["frame_name"], job + "/frames/1")
 
     def check_broken(self, f, path):
-        """Files that were cut or altered are refused in words, and so are names of nothing."""
+        """Cut or altered files are refused with a message, and so are tasks that do not exist."""
         whole = farm.read_bytes(path)
         flipped = bytearray(whole)
         flipped[len(whole) // 2] ^= 1

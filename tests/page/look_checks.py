@@ -109,7 +109,7 @@ def check_comparisons(browser, other_job, screenshot):
                    not browser.run(HIDDEN, "legend"), CHANGE_SECONDS_MAX, f"the {mode}")
         assert browser.run(TEXT, "legend-high") == "0", browser.run(TEXT, "legend-high")
         assert browser.run(HIDDEN, "beside-box")
-    # Then no answer comes any more that draws the image anew.
+    # After that no answer redraws the image.
     time.sleep(SETTLE_SECONDS)
     browser.run(CHOOSE, "beside-job", "")
     wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")

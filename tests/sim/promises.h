@@ -85,7 +85,7 @@ class Promises {
                   const std::set<std::string>& false_digests) const;
   // The name of a part of the frame that certainly is there, although it was made with another
   // guiding field than the one with this digest, or is another field. Empty: there is none. Parts
-  // that are not believed any more do not count: a broken disk may remove them later.
+  // that are no longer believed do not count: a broken disk may remove them later.
   std::string PartOfOtherField(const coordinator::FrameId& frame, const std::string& field) const;
   // An identity that certainly has parts, although it is durable that it made false ones. Empty:
   // there is none.

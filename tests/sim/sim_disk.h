@@ -18,7 +18,7 @@
 // and say so only once; a process that starts again then trusts a cache that the disk does not
 // have. SQLite knows no remedy, and so the simulation does not ask for one.)
 //
-// Whoever owns the disk sets a gate, which every change passes and may refuse, and by which the
+// The disk's owner sets a gate, which every change passes and may refuse, and by which the
 // machine may stop at that change: then the disk refuses all changes until Restart.
 #pragma once
 

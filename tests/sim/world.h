@@ -46,7 +46,7 @@ class World {
   std::map<std::string, absl::Duration> heard;
 
   absl::Duration now() const { return machine.steady(); }
-  // Has `run` called when so much time has passed.
+  // Has `run` called after this much time.
   void After(absl::Duration delay, std::function<void()> run);
   // Lets time pass until the next event, and runs it. Returns false where there is none.
   bool RunNext();

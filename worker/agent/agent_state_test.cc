@@ -208,7 +208,7 @@ TEST_F(AgentStateTest, DeadlinesThatHavePassedAreNotDue) {
   EXPECT_GT(away.NextTurn(), now_);
 }
 
-// Neither an absent coordinator nor a task that does not stop keeps it for ever.
+// Neither an absent coordinator nor a task that does not stop keeps it forever.
 TEST_F(AgentStateTest, EndsWithoutACoordinatorAndWithoutItsTasks) {
   for (const bool is_running : {false, true}) {
     AgentState state(options_, now_);

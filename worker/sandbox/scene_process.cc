@@ -21,7 +21,7 @@
 namespace sheaf::worker {
 namespace {
 
-// After a process has closed its socket, it has so long to end on its own.
+// The time in which a process that has closed its socket must end on its own.
 constexpr absl::Duration kEndTimeMax = absl::Seconds(5);
 
 // The time that a process has to end a call that is cancelled: it looks for that far more often.

@@ -22,7 +22,7 @@
 namespace sheaf::worker {
 namespace {
 
-// One attempt to fetch a guiding field may take so long, and all of them together.
+// The most time that one attempt to fetch a guiding field takes, and all attempts together.
 constexpr absl::Duration kFieldAttemptMax = absl::Minutes(2), kFieldFetchMax = absl::Minutes(3);
 
 using FieldFetch =

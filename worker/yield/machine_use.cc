@@ -39,7 +39,7 @@ MachineReading ReadMachine(const std::string& proc) {
 }
 
 std::optional<double> ProcessorUse::Add(SteadyTime now, double processor_seconds) {
-  // The second one, too, is a window old: the first is not needed any more.
+  // The second one, too, is a window old: the first is no longer needed.
   while (readings_.size() >= 2 && now - readings_[1].first >= window_) readings_.pop_front();
   std::optional<double> mean;
   if (!readings_.empty() && now - readings_.front().first >= window_) {

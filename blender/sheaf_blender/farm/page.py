@@ -16,7 +16,7 @@ from . import images, program
 TIMEOUT_SECONDS = 10
 PREVIEW_BYTES_MAX = 256 << 20
 HTTP_PORT_DEFAULT = 7480
-COORDINATORS_MAX = 1000  # Folders of certificates that are looked at.
+COORDINATORS_MAX = 1000  # Folders of certificates that are read.
 
 
 def with_default_port(address, port):

@@ -7,7 +7,7 @@ from .closures import PINK
 
 FIRST_TILE, TILES_ACROSS = 1001, 10
 ATLAS_PIXELS_MAX = 1 << 28
-TILT_EDGE_PX = 256  # As many rows and columns at least are looked at.
+TILT_EDGE_PX = 256  # At least this many rows and columns are read.
 
 
 def linear_from_srgb(encoded):
