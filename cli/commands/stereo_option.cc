@@ -38,7 +38,7 @@ void AddStereoOption(CLI::App* command, RenderSettings* settings) {
   command
       ->add_option_function<std::string>(
           kStereoOption, [settings](const std::string& text) { ParseStereo(text, settings); },
-          "Render two eyes, so far apart, in units of the camera's space; with CONVERGENCE, both "
+          "Render two eyes, this far apart, in units of the camera's space; with CONVERGENCE, both "
           "see "
           "a point that far away in the middle of their images. They share paths, so that both "
           "cost "
