@@ -10,7 +10,6 @@
 #include <string>
 #include <vector>
 
-#include "absl/container/flat_hash_map.h"
 #include "common/scene/pbrt/statements/texture_table.h"
 #include "common/scene/pbrt/syntax/parameter_list.h"
 #include "common/scene/scene_description.h"
@@ -91,7 +90,7 @@ class MaterialTable {
   Diagnostics* diagnostics_;
   const uint32_t mix_depth_max_;
   std::map<std::string, Slot> slots_;
-  absl::flat_hash_map<std::string, int32_t> unnamed_;  // By what is written: the first.
+  std::map<std::string, int32_t> unnamed_;  // By what is written: the first.
   std::vector<MediumDescription> subsurface_;
   int32_t default_ = kNone;
 };
