@@ -4,11 +4,11 @@
 // GridFiles: reads the grids that media name, each once, however many media name it.
 #pragma once
 
+#include <map>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "absl/container/flat_hash_map.h"
 #include "absl/status/statusor.h"
 #include "common/scene/file_source.h"
 #include "common/volume/volume_file.h"
@@ -34,7 +34,7 @@ class GridFiles {
  private:
   FileSource* files_;
   int thread_count_;
-  absl::flat_hash_map<std::pair<std::string, std::string>, VolumeGrid> grids_;  // By file, name.
+  std::map<std::pair<std::string, std::string>, VolumeGrid> grids_;  // By file, name.
 };
 
 }  // namespace sheaf::render
