@@ -23,20 +23,12 @@
 #include "common/scene/lens_description.h"
 #include "common/scene/material_description.h"
 #include "common/scene/medium_description.h"
+#include "common/scene/pattern_textures.h"
 
 namespace sheaf {
 
 // --- Textures ----------------------------------------------------------------------------------
 
-struct UvMapping {
-  enum class Kind { kUv, kPlanar, kSpherical, kCylindrical };
-  Kind kind = Kind::kUv;
-  float scale_u = 1, scale_v = 1, offset_u = 0, offset_v = 0;
-  // kUv also adds turn_u * v to u, and turn_v * u to v: a rotation, with the scales.
-  float turn_u = 0, turn_v = 0;
-  Vec3f planar_u{1, 0, 0}, planar_v{0, 1, 0};
-  Matrix4 texture_from_world;  // For planar, spherical, cylindrical and 3-D checkerboards.
-};
 enum class TextureWrap { kRepeat, kBlack, kClamp, kOctahedral, kMirror };
 enum class ColorEncoding { kSrgb, kLinear, kGamma };  // For files of integers; floats are linear.
 
@@ -89,14 +81,16 @@ struct TextureDescription {
   bool is_color = false;  // "spectrum" textures; otherwise "float".
   ColorRole role = ColorRole::kReflectance;
   std::variant<ConstantTexture, ImageTexture, CheckerboardTexture, ScaleTexture, MixTexture,
-               VertexColorTexture>
+               VertexColorTexture, NoiseTexture, MarbleTexture, DotsTexture, DirectionMixTexture,
+               BilerpTexture, NodeTexture, RampTexture>
       texture;
   SourceLocation location;
 };
 
 // --- Geometry ----------------------------------------------------------------------------------
 
-// Red, green and blue in linear sRGB, and alpha, in [0, 1].
+// Red, green and blue in linear sRGB, and alpha, in [0, 1]; or a second set of uv
+// (UvMapping::Kind::kSecondUv).
 using VertexColor = std::array<float, 4>;
 
 // A mesh's vertices at another time.

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from noise_forms import dots, fbm, lattice_noise, marble, turbulence
 from scenes import (SUN, case, gray, image, rectangle, scene, srgb_to_linear, write)
 
 PI = math.pi
@@ -194,6 +195,93 @@ def mixtures():
           red)
 
 
+def bricks(x, y, mortar):
+    """Whether points are in the mortar of bricks of .5 by .25, rows of even number moved by .25."""
+    row = np.floor(y / .25)
+    x = x + np.where(row % 2 == 0, .25, 0)
+    x, y = x - .5 * np.floor(x / .5), y - .25 * row
+    edge = np.minimum(np.minimum(x, .5 - x), np.minimum(y, .25 - y))
+    return (edge < mortar).astype(float)
+
+
+def patterns():
+    """Textures that are computed from the place, here on the plate z = 0."""
+    u, v = grid()
+    x, y = 2 * u - 1, 2 * v - 1
+    p = np.stack([x, y, np.zeros_like(x)], axis=-1)
+    # Numbers as colors, between .5 and .75.
+    ends = '"rgb tex1" [.5 .5 .5] "rgb tex2" [.75 .75 .75] "texture amount" "n"'
+
+    def number(name, texture, values, before=""):
+        case("texture " + name, scene(
+            f'{SUN}AttributeBegin {before}\nTexture "n" "float" {texture}\nAttributeEnd\n'
+            f'Texture "t" "spectrum" "mix" {ends}\nMaterial "diffuse" "texture reflectance" "t"\n'
+            + rectangle(), samples=1024), means(np.repeat((.5 + .25 * values)[..., None], 3, 2)))
+
+    number("fbm", '"fbm"', fbm(p))
+    number("fbm of octaves and roughness", '"fbm" "integer octaves" 3 "float roughness" .8',
+           fbm(p, 3, .8))
+    number("fbm under a CTM", '"fbm" "integer octaves" 2',
+           fbm((p - (.2, 0, .3)) / (.5, .25, 1), 2), "Translate .2 0 .3 Scale .5 .25 1")
+    number("wrinkled", '"wrinkled"', turbulence(p))
+    number("wrinkled of octaves and roughness", '"wrinkled" "integer octaves" 4 '
+           '"float roughness" .3', turbulence(p, 4, .3))
+    number("windy", '"windy"', np.abs(fbm(.1 * (4 * p + 3), 3)) * fbm(4 * p + 3, 6),
+           "Scale .25 .25 .25 Translate -3 -3 -3")
+    number("node noise", '"node" "float scale" 2 "float detail" 1 "float roughness" .25',
+           .5 + .5 * (lattice_noise(2 * p) + .25 * lattice_noise(4 * p)) / 1.25)
+    number("node noise under a CTM", '"node" "float scale" 1 "float detail" 0',
+           .5 + .5 * lattice_noise((p - (.2, 0, .3)) / (.5, .25, 1)),
+           "Translate .2 0 .3 Scale .5 .25 1")
+    number("node gradient of uv", '"node" "string node" "gradient" "string from" "uv"', u)
+    number("node gradient, radial", '"node" "string node" "gradient" "string type" "radial"',
+           np.arctan2(y, x) / (2 * PI) + .5)
+    number("node wave", '"node" "string node" "wave" "string type" "rings" '
+           '"string direction" "diagonal" "float scale" .5', .5 - .5 * np.cos(10 * np.hypot(x, y)))
+    number("node brick", '"node" "string node" "brick" "float scale" .5 "float mortar_smooth" 0 '
+           '"float mortar_size" .05', bricks(.5 * x, .5 * y, .05))
+    case("texture ramp", scene(
+        f'{SUN}Texture "n" "float" "node" "string node" "gradient" "string from" "uv"\n'
+        'Texture "t" "spectrum" "ramp" "texture input" "n" "float positions" [.25 .5 .75] '
+        '"float colors" [.8 .2 .1 .1 .3 .6 .5 .5 .5]\n'
+        f'Material "diffuse" "texture reflectance" "t"\n{rectangle()}', samples=1024),
+         means(np.stack([np.interp(u, (.25, .5, .75), c) for c in
+                         ((.8, .1, .5), (.2, .3, .5), (.1, .6, .5))], axis=-1)))
+    case("texture ramp of steps", scene(
+        f'{SUN}Texture "n" "float" "node" "string node" "gradient" "string from" "uv"\n'
+        'Texture "t" "spectrum" "ramp" "texture input" "n" "string interpolation" "constant" '
+        '"float positions" [0 .5] "float colors" [.8 .2 .1 .1 .3 .6]\n'
+        f'Material "diffuse" "texture reflectance" "t"\n{rectangle()}', samples=1024),
+         means(np.where((u < .5)[..., None], (.8, .2, .1), (.1, .3, .6))))
+    for name, text, q, variation in (("marble", "", p, .2),
+                                     ("marble of scale and variation",
+                                      '"float scale" 3 "float variation" 2', 3 * p, 2)):
+        shown(name, f'"marble" {text}', means(marble(q, variation)))
+    red, blue = np.array((.8, .2, .1)), np.array((.1, .3, .6))
+    both = '"rgb inside" [.8 .2 .1] "rgb outside" [.1 .3 .6]'
+    for name, text, s, t in (
+            ("dots", '"float uscale" 4 "float vscale" 3', 4 * u, 3 * v),
+            ("dots planar", '"string mapping" "planar" "vector3 v1" [2 0 0] "vector3 v2" [0 2 0]',
+             2 * x, 2 * y)):
+        shown(name, f'"dots" {both} {text}', means(np.where(dots(s, t)[..., None], red, blue)))
+    corners = ('"rgb v00" [.8 .2 .1] "rgb v10" [.1 .3 .6] "rgb v01" [.5 .5 .5] '
+               '"rgb v11" [.2 .9 .2]')
+    s, t = u[..., None], v[..., None]
+    shown("bilerp", f'"bilerp" {corners}', means(
+        (1 - s) * (1 - t) * red + s * (1 - t) * blue + (1 - s) * t * .5
+        + s * t * np.array((.2, .9, .2))))
+    shown("bilerp of defaults", '"bilerp"', means(np.repeat(t, 3, 2)))
+    for name, text, before, along in (
+            ("directionmix along", '"vector3 dir" [0 0 2]', "", 1),
+            ("directionmix across by default", "", "", 0),
+            ("directionmix at 60 degrees", '"vector3 dir" [0 0 1]', "Rotate 60 1 0 0", .5)):
+        case("texture " + name, scene(
+            f'{SUN}AttributeBegin {before}\nTexture "t" "spectrum" "directionmix" '
+            f'"rgb tex1" [.8 .2 .1] "rgb tex2" [.1 .3 .6] {text}\nAttributeEnd\n'
+            f'Material "diffuse" "texture reflectance" "t"\n{rectangle()}', samples=256),
+             along * red + (1 - along) * blue)
+
+
 def nested():
     red, blue = np.array((.8, .2, .1)), np.array((.1, .3, .6))
     named = ('Texture "a" "spectrum" "constant" "rgb value" [.8 .2 .1]\n'
@@ -292,6 +380,7 @@ maps()
 files()
 mappings()
 mixtures()
+patterns()
 nested()
 floats()
 coordinates()

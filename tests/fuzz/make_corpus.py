@@ -71,6 +71,22 @@ ActiveTransform EndTime Translate 0 1 0 ActiveTransform All
 AreaLightSource "diffuse" "blackbody L" 5000
 Shape "trianglemesh" "integer indices" [0 1 2] "point3 P" [0 0 0 1 0 0 0 1 0]
 """,
+    "patterns": """WorldBegin
+Scale 2 3 4
+Texture "f" "float" "fbm" "integer octaves" 3 "float roughness" 0.6
+Texture "w" "float" "wrinkled" "integer octaves" 32
+Texture "y" "float" "windy"
+Texture "b" "float" "bilerp" "float v00" 0.2 "float v11" 0.7 "string mapping" "spherical"
+Texture "m" "spectrum" "marble" "float scale" 3 "float variation" 2
+Texture "d" "spectrum" "dots" "texture inside" "m" "rgb outside" [1 0 0] "float uscale" 9
+Texture "x" "spectrum" "directionmix" "vector3 dir" [1 2 3] "texture tex1" "d" "rgb tex2" [0 1 0]
+Texture "t" "spectrum" "mix" "texture tex1" "x" "texture tex2" "m" "texture amount" "f"
+Texture "k" "float" "node" "string node" "voronoi" "string metric" "minkowski" "float exponent" 3
+Texture "z" "spectrum" "ramp" "texture input" "k" "float positions" [0 .5]
+  "float colors" [1 0 0 0 1 0]
+Material "diffuse" "texture reflectance" "t" "texture displacement" "w"
+Shape "sphere"
+""",
 }
 
 MESH = """ply

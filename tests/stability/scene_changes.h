@@ -46,6 +46,13 @@ inline void TransformAll(const Matrix4& change, SceneDescription* scene) {
     UvMapping* mapping = image != nullptr ? &image->mapping : nullptr;
     if (checks != nullptr) mapping = &checks->mapping;
     if (mapping != nullptr) mapping->texture_from_world = mapping->texture_from_world * back;
+    if (auto* noise = std::get_if<NoiseTexture>(&texture.texture)) {
+      noise->texture_from_world = noise->texture_from_world * back;
+    }
+    auto* node = std::get_if<NodeTexture>(&texture.texture);
+    if (node != nullptr && !node->from_uv) {
+      node->texture_from_place = node->texture_from_place * back;
+    }
   }
 }
 

@@ -26,9 +26,9 @@ class BandCollector {
   void Add(const FloatInput&) {}
   void Add(float) {}
   void Add(const RefractiveIndex& index) { Add(index.spectrum); }
-  template <size_t kCount>
-  void Add(const ColorInput (&inputs)[kCount]) {
-    for (const ColorInput& input : inputs) Add(input);
+  template <typename Color, size_t kCount>
+  void Add(const Color (&colors)[kCount]) {
+    for (const Color& color : colors) Add(color);
   }
   template <typename T>
   void Add(const std::optional<T>& value) {

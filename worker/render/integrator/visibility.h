@@ -48,6 +48,7 @@ TexturePoint TexturePointOf(const Context<C>& c, const SurfacePoint& point) {
     texture_point.uv = point.uv;
     if (point.surface->reads_textures) {
       texture_point.color = point.color;
+      texture_point.ng = point.ng;
       texture_point.p_world = ToDouble(point.p) + c.scene.geometry.render_origin_world;
     }
   }
@@ -80,8 +81,8 @@ bool IsNullInterface(const Context<C>& c, const SurfacePoint& point, NullInterfa
 template <typename C>
 float CutOutTransmittance(const Context<C>& c, const LightSampleOf<typename C::Color>& light) {
   const ShapeDescription& shape = c.scene.description.shapes[light.cut_out];
-  const TexturePoint there{light.uv,
-                           ToDouble(light.p_light) + c.scene.geometry.render_origin_world};
+  TexturePoint there{light.uv, ToDouble(light.p_light) + c.scene.geometry.render_origin_world};
+  there.ng = light.n_light;
   const float left = c.scene.materials->template EvaluateFloat<C::kTraits>(shape.alpha, there);
   return std::min(1.0f, std::max(0.0f, left));
 }

@@ -23,6 +23,7 @@ struct TexturePoint {
   Vec3d p_world;     // World space (not camera-relative), for 3-D and projected mappings.
   Vec2d uv_shift{};  // Added to uv, whose last digit may be larger.
   VertexColor color{1, 1, 1, 1};
+  Vec3f ng{};  // Unit geometric normal in world space, of either sign; 0 where there is no surface.
 };
 
 struct MaterialOptions {

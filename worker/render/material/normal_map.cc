@@ -54,8 +54,9 @@ Vec3f MaterialTable::ShadingNormal(int32_t material, const TexturePoint& point, 
                       static_cast<double>(chosen.normal_scale), plane);
   } else if (chosen.displacement.texture != kNone) {
     const auto height = [&](double du, double dv) {
-      const TexturePoint there{
-          point.uv, point.p_world + plane.dpdu * du + plane.dpdv * dv, {du, dv}};
+      TexturePoint there = point;
+      there.p_world = point.p_world + plane.dpdu * du + plane.dpdv * dv;
+      there.uv_shift = {du, dv};
       return static_cast<double>(textures.Float(chosen.displacement, there));
     };
     const Vec2d step = textures.SlopeStep(chosen.slope_scale, point, plane.dpdu, plane.dpdv);

@@ -18,8 +18,18 @@ constexpr uint64_t kCacheBytesMax = uint64_t{64} << 20;
 constexpr int kSteps = 64;
 constexpr float kGoldenFraction = 0.618034f;
 
-// Patterns repeat after at most two units; images that do not repeat occur once.
+// Checkerboards repeat after at most two units; images that do not repeat occur once. Noise repeats
+// after many cells, of which the square has thousands.
+constexpr float kSideOfNoise = 61.8034f;
 float SideOfMean(const SceneDescription& scene) {
+  for (const TextureDescription& texture : scene.textures) {
+    if (std::holds_alternative<NoiseTexture>(texture.texture) ||
+        std::holds_alternative<MarbleTexture>(texture.texture) ||
+        std::holds_alternative<DotsTexture>(texture.texture) ||
+        std::holds_alternative<NodeTexture>(texture.texture)) {
+      return kSideOfNoise;
+    }
+  }
   for (const TextureDescription& texture : scene.textures) {
     const auto* image = std::get_if<ImageTexture>(&texture.texture);
     if (image != nullptr && image->wrap != TextureWrap::kRepeat) return 1;

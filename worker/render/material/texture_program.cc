@@ -9,6 +9,7 @@
 #include "common/math/elementary.h"
 #include "worker/render/color/file_primaries.h"
 #include "worker/render/material/material.h"
+#include "worker/render/material/node_textures.h"
 
 namespace sheaf::render {
 namespace {
@@ -46,6 +47,10 @@ Vec2d Step(Vec2d half_texel, Vec2d cell) {
     return std::isfinite(side) ? side * kEdgeOfCell : kSlopeStepWithoutScale;
   };
   return {along(half_texel.x, cell.x), along(half_texel.y, cell.y)};
+}
+
+Rgb WithoutNegative(Rgb c) {
+  return {std::fmax(c.r, 0.0f), std::fmax(c.g, 0.0f), std::fmax(c.b, 0.0f)};
 }
 
 int Modulo(int a, int n) {
@@ -136,7 +141,12 @@ TextureProgram::SlopeScale TextureProgram::SlopeScaleOf(const FloatOperand& oper
     const Node& node = nodes_[static_cast<size_t>(texture)];
     open.pop_back();
     const bool has_scale = node.mapping_index != kNone;
-    if (has_scale && (node.mapping != UvMapping::Kind::kUv || node.kind == Kind::kCheckerboard3)) {
+    const bool is_node = node.kind == Kind::kNode, on_uv = is_node && NodeOf(node).from_uv;
+    const bool has_3d =
+        node.kind == Kind::kCheckerboard3 || node.kind == Kind::kNoise || (is_node && !on_uv);
+    if (on_uv) {
+      scale.half_texel = Least(scale.half_texel, 0.5 * FinestUvCell(node));
+    } else if (has_scale && (node.mapping != UvMapping::Kind::kUv || has_3d)) {
       scale.by_position.push_back(texture);
     } else if (has_scale) {
       const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
@@ -171,6 +181,10 @@ Vec2d TextureProgram::SlopeStep(const SlopeScale& scale, const TexturePoint& poi
     if (node.kind == Kind::kCheckerboard3) {
       const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
       for (const Vec3d& row : m.rows) cell = std::fmin(cell, 1 / Length(row));
+      continue;
+    }
+    if (node.kind == Kind::kNoise || node.kind == Kind::kNode) {
+      texel = std::fmin(texel, FinestCell(node));
       continue;
     }
     const Vec2d lengths = LengthsOf(node, point);
@@ -208,11 +222,13 @@ Vec2d TextureProgram::LengthsOf(const Node& node, const TexturePoint& point) con
 // Source of the mappings: pbrt-v4, sec. 10.2 ("Texture Coordinate Generation").
 Vec2d TextureProgram::MapTo2d(const Node& node, const TexturePoint& point) const {
   const Mapping& m = mappings_[static_cast<size_t>(node.mapping_index)];
-  if (node.mapping == UvMapping::Kind::kUv) {
+  const bool is_second = node.mapping == UvMapping::Kind::kSecondUv;
+  if (node.mapping == UvMapping::Kind::kUv || is_second) {
+    const Vec2f from = is_second ? Vec2f{point.color[0], point.color[1]} : point.uv;
     const double du = point.uv_shift.x, dv = point.uv_shift.y;
-    Vec2f uv{m.scale_u * point.uv.x + m.offset_u, m.scale_v * point.uv.y + m.offset_v};
+    Vec2f uv{m.scale_u * from.x + m.offset_u, m.scale_v * from.y + m.offset_v};
     if (m.turn_u == 0 && m.turn_v == 0) return {uv.x + m.scale_u * du, uv.y + m.scale_v * dv};
-    uv = uv + Vec2f{m.turn_u * point.uv.y, m.turn_v * point.uv.x};
+    uv = uv + Vec2f{m.turn_u * from.y, m.turn_v * from.x};
     return {uv.x + (m.scale_u * du + m.turn_u * dv), uv.y + (m.scale_v * dv + m.turn_v * du)};
   }
   const Vec3d p_texture = m.PointInTexture(point.p_world);
@@ -230,6 +246,7 @@ Vec2d TextureProgram::MapTo2d(const Node& node, const TexturePoint& point) const
     case UvMapping::Kind::kCylindrical:
       return {0.5f + Atan2(p.y, p.x) * 0.5f * inv_pi, p_texture.z};
     case UvMapping::Kind::kUv:
+    case UvMapping::Kind::kSecondUv:
       break;
   }
   return {};
@@ -241,7 +258,7 @@ bool TextureProgram::IsOddCell(const Node& node, const TexturePoint& point) cons
     const Vec2d st = MapTo2d(node, point);
     return ((cell(st.x) + cell(st.y)) & 1) != 0;
   }
-  const Vec3d p = mappings_[static_cast<size_t>(node.mapping_index)].PointInTexture(point.p_world);
+  const Vec3d p = PointOf(node, point);
   return ((cell(p.x) + cell(p.y) + cell(p.z)) & 1) != 0;
 }
 
@@ -320,6 +337,33 @@ Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
       const VertexColor& c = point.color;
       return ColorOfRgb<Color>(base * Rgb{c[0], c[1], c[2]}, node.role, wavelengths);
     }
+    case Kind::kMarble:
+      return ColorOfRgb<Color>(MarbleAt(node, point), node.role, wavelengths);
+    case Kind::kDots:
+      return value(IsInDot(node, point) ? 0 : 1);
+    case Kind::kDirectionMix: {
+      const float share = ShareAlong(node, point);
+      return value(0) * share + value(1) * (1 - share);
+    }
+    case Kind::kBilerp: {
+      const CornerWeights weights = CornersAt(node, point);
+      const Pattern& pattern = PatternOf(node);
+      Color sum{};
+      for (size_t i = 0; i < 4; ++i) {
+        sum += ConstantOf(pattern.corner_color[i], wavelengths) * weights.at[i];
+      }
+      return sum;
+    }
+    case Kind::kNode: {
+      const Rgb color = NodeColor(NodeOf(node), PointOf(node, point));
+      return ColorOfRgb<Color>(WithoutNegative(color), node.role, wavelengths);
+    }
+    case Kind::kRamp: {
+      const Rgb color = RampAt(RampOf(node), Float(node.amount, point), true);
+      return ColorOfRgb<Color>(color, node.role, wavelengths);
+    }
+    case Kind::kNoise:
+      break;  // A float texture.
   }
   return {};
 }
@@ -357,6 +401,26 @@ float TextureProgram::EvaluateFloat(int32_t texture, const TexturePoint& point) 
     }
     case Kind::kVertexColor:
       return Float(node.value[0], point) * point.color[3];
+    case Kind::kNoise:
+      return NoiseAt(node, point);
+    case Kind::kDots:
+      return Float(node.value[IsInDot(node, point) ? 0 : 1], point);
+    case Kind::kDirectionMix: {
+      const float share = ShareAlong(node, point);
+      return Float(node.value[0], point) * share + Float(node.value[1], point) * (1 - share);
+    }
+    case Kind::kBilerp: {
+      const CornerWeights weights = CornersAt(node, point);
+      float sum = 0;
+      for (size_t i = 0; i < 4; ++i) sum += PatternOf(node).corner_value[i] * weights.at[i];
+      return sum;
+    }
+    case Kind::kNode:
+      return NodeFactor(NodeOf(node), PointOf(node, point));
+    case Kind::kRamp:
+      return RampAt(RampOf(node), Float(node.amount, point), false).r;
+    case Kind::kMarble:
+      break;  // A color texture.
   }
   return 0;
 }

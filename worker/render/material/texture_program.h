@@ -94,7 +94,14 @@ class TextureProgram {
     kCheckerboard3,
     kScale,
     kMix,
-    kVertexColor
+    kVertexColor,
+    kNoise,
+    kMarble,
+    kDots,
+    kDirectionMix,
+    kBilerp,
+    kNode,
+    kRamp
   };
   struct Node {
     Kind kind = Kind::kConstant;
@@ -107,6 +114,7 @@ class TextureProgram {
     Rgb tint = Rgb::Gray(1);
     ColorRole role = ColorRole::kReflectance;  // Role of the colors of an image.
     int32_t mapping_index = kNone;             // In mappings_.
+    int32_t pattern_index = kNone;             // In patterns_, node_textures_ or ramps_.
     TextureImage image;
     float scale = 1;
     float factor = 1;                 // For an image as a color texture, after invert.
@@ -129,6 +137,15 @@ class TextureProgram {
     // The gradient over world space of a function with this gradient over texture space.
     Vec3d GradientInWorld(Vec3d g) const { return rows[0] * g.x + rows[1] * g.y + rows[2] * g.z; }
   };
+  // The numbers of the textures of pattern_textures.h.
+  struct Pattern {
+    NoiseTexture::Kind noise = NoiseTexture::Kind::kFbm;
+    int octaves = 0;
+    double roughness = 0, scale = 1, variation = 0;
+    Vec3f direction{};
+    ColorOperand corner_color[4];
+    float corner_value[4] = {};
+  };
   class Builder;
 
   static Rgb ConstantOf(const ColorOperand& operand, NoWavelengths) { return operand.value; }
@@ -145,11 +162,39 @@ class TextureProgram {
   bool IsOddCell(const Node& node, const TexturePoint& point) const;
   Texel LookUp(const Node& node, const TexturePoint& point) const;
   Rgb ImageColor(const Node& node, const TexturePoint& point) const;
+  // By texture_patterns.cc.
+  const Pattern& PatternOf(const Node& node) const {
+    return patterns_[static_cast<size_t>(node.pattern_index)];
+  }
+  Vec3d PointOf(const Node& node, const TexturePoint& point) const;
+  float NoiseAt(const Node& node, const TexturePoint& point) const;
+  Rgb MarbleAt(const Node& node, const TexturePoint& point) const;
+  bool IsInDot(const Node& node, const TexturePoint& point) const;
+  float ShareAlong(const Node& node, const TexturePoint& point) const;
+  const NodeTexture& NodeOf(const Node& node) const {
+    return node_textures_[static_cast<size_t>(node.pattern_index)];
+  }
+  // The ramp's color, or its value in all channels, at the value of its input.
+  static Rgb RampAt(const RampTexture& ramp, float input, bool is_color);
+  const RampTexture& RampOf(const Node& node) const {
+    return ramps_[static_cast<size_t>(node.pattern_index)];
+  }
+  // The weights of a bilerp's corners.
+  struct CornerWeights {
+    float at[4];
+  };
+  CornerWeights CornersAt(const Node& node, const TexturePoint& point) const;
+  // The width of a cell of the finest octave, in world space, or, of a node on uv, in u and v.
+  double FinestCell(const Node& node) const;
+  Vec2d FinestUvCell(const Node& node) const;
 
   bool spectral_ = false;
   const TextureCache* cache_ = nullptr;
   std::vector<Node> nodes_;  // As SceneDescription::textures.
   std::vector<Mapping> mappings_;
+  std::vector<Pattern> patterns_;
+  std::vector<NodeTexture> node_textures_;
+  std::vector<RampTexture> ramps_;
   std::vector<Matrix4> primaries_;  // To linear sRGB.
 };
 

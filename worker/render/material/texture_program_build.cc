@@ -11,6 +11,7 @@
 #include "common/base/status.h"
 #include "common/scene/named_as_in_scene.h"
 #include "worker/render/color/file_primaries.h"
+#include "worker/render/material/node_textures.h"
 #include "worker/render/material/texture_program.h"
 
 namespace sheaf::render {
@@ -262,6 +263,78 @@ class TextureProgram::Builder {
   absl::Status Fill(int32_t texture, const VertexColorTexture& t, uint64_t level, Node* node) {
     node->kind = Kind::kVertexColor;
     return AddPair(texture, t.color, t.value, 0, level, node);
+  }
+
+  // Octaves cost about as much as other textures.
+  Pattern& AddPattern(int32_t texture, Kind kind, int32_t octaves, float roughness, Node* node) {
+    costs_[static_cast<size_t>(texture)] += static_cast<uint64_t>(octaves);
+    node->kind = kind;
+    node->pattern_index = static_cast<int32_t>(program_.patterns_.size());
+    Pattern& pattern = program_.patterns_.emplace_back();
+    pattern.octaves = octaves;
+    pattern.roughness = static_cast<double>(roughness);
+    return pattern;
+  }
+  absl::Status Fill(int32_t texture, const NoiseTexture& t, uint64_t, Node* node) {
+    AddPattern(texture, Kind::kNoise, t.octaves, t.roughness, node).noise = t.kind;
+    SetMapping({.texture_from_world = t.texture_from_world}, node);
+    return absl::OkStatus();
+  }
+  absl::Status Fill(int32_t texture, const MarbleTexture& t, uint64_t, Node* node) {
+    Pattern& pattern = AddPattern(texture, Kind::kMarble, t.octaves, t.roughness, node);
+    pattern.scale = static_cast<double>(t.scale);
+    pattern.variation = static_cast<double>(t.variation);
+    SetMapping({.texture_from_world = t.texture_from_world}, node);
+    return absl::OkStatus();
+  }
+  absl::Status Fill(int32_t texture, const DotsTexture& t, uint64_t level, Node* node) {
+    for (size_t i = 0; i < 2; ++i) {
+      absl::Status status = AddPair(texture, t.color[i], t.value[i], i, level, node);
+      if (!status.ok()) return status;
+    }
+    SetMapping(t.mapping, node);
+    node->kind = Kind::kDots;
+    return absl::OkStatus();
+  }
+  absl::Status Fill(int32_t texture, const DirectionMixTexture& t, uint64_t level, Node* node) {
+    for (size_t i = 0; i < 2; ++i) {
+      absl::Status status = AddPair(texture, t.color[i], t.value[i], i, level, node);
+      if (!status.ok()) return status;
+    }
+    AddPattern(texture, Kind::kDirectionMix, 0, 0, node).direction = t.direction;
+    return absl::OkStatus();
+  }
+  absl::Status Fill(int32_t texture, const BilerpTexture& t, uint64_t, Node* node) {
+    Pattern& pattern = AddPattern(texture, Kind::kBilerp, 0, 0, node);
+    for (size_t i = 0; i < 4; ++i) {
+      pattern.corner_color[i] = program_.Operand(ColorInput{t.color[i]}, node->role);
+      pattern.corner_value[i] = t.value[i];
+    }
+    SetMapping(t.mapping, node);
+    return absl::OkStatus();
+  }
+
+  absl::Status Fill(int32_t texture, const NodeTexture& t, uint64_t, Node* node) {
+    costs_[static_cast<size_t>(texture)] += static_cast<uint64_t>(NodeOctaves(t));
+    SetMapping({.texture_from_world = t.texture_from_place}, node);
+    node->kind = Kind::kNode;
+    node->pattern_index = static_cast<int32_t>(program_.node_textures_.size());
+    program_.node_textures_.push_back(t);
+    return absl::OkStatus();
+  }
+  absl::Status Fill(int32_t texture, const RampTexture& t, uint64_t level, Node* node) {
+    if (absl::Status status = AddInput(texture, t.input, level); !status.ok()) return status;
+    node->amount = program_.Operand(t.input);
+    if (node->amount.texture == kNone) {
+      ConstantTexture constant;
+      constant.color.rgb = RampAt(t, node->amount.value, true);
+      constant.value = RampAt(t, node->amount.value, false).r;
+      return Fill(texture, constant, level, node);
+    }
+    node->kind = Kind::kRamp;
+    node->pattern_index = static_cast<int32_t>(program_.ramps_.size());
+    program_.ramps_.push_back(t);
+    return absl::OkStatus();
   }
 
   const SceneDescription& scene_;

@@ -62,6 +62,20 @@ class UsedTextures {
   }
 
   bool AddInputs(const VertexColorTexture& t) { return Add(t.value.texture); }
+  bool AddInputs(const NoiseTexture&) { return true; }
+  bool AddInputs(const MarbleTexture&) { return false; }  // No float texture.
+  bool AddInputs(const DotsTexture& t) {
+    const bool inside = Add(t.value[0].texture), outside = Add(t.value[1].texture);
+    return inside || outside || t.mapping.kind != UvMapping::Kind::kUv;
+  }
+  // Vertices have no geometric normal: the second input displaces them, as in pbrt-v4.
+  bool AddInputs(const DirectionMixTexture& t) {
+    const bool along = Add(t.value[0].texture), across = Add(t.value[1].texture);
+    return along || across;
+  }
+  bool AddInputs(const BilerpTexture& t) { return t.mapping.kind != UvMapping::Kind::kUv; }
+  bool AddInputs(const NodeTexture& t) { return !t.from_uv; }
+  bool AddInputs(const RampTexture& t) { return Add(t.input.texture); }
 
   const SceneDescription& scene_;
   std::vector<bool> is_used_;

@@ -59,17 +59,28 @@ void GetEncoding(ParameterList& parameters, ImageTexture* image) {
   }
 }
 
+const std::map<std::string, NoiseTexture::Kind> kNoiseKinds = {
+    {"fbm", NoiseTexture::Kind::kFbm},
+    {"wrinkled", NoiseTexture::Kind::kWrinkled},
+    {"windy", NoiseTexture::Kind::kWindy}};
+
 // Recomputes rgb for another role.
 void SetRole(ColorSpec* color, ColorRole role) { color->rgb = SpectrumToRgb(*color, role); }
 
 }  // namespace
 
+Matrix4 TextureFromWorld(ParameterList& parameters, const Matrix4& world_from_texture) {
+  Matrix4 texture_from_world;
+  if (!Invert(world_from_texture, &texture_from_world)) {
+    parameters.Error(absl::StrCat(parameters.owner(), ": the transformation is singular"));
+  }
+  return texture_from_world;
+}
+
 UvMapping GetUvMapping(ParameterList& parameters, const Matrix4& world_from_texture) {
   UvMapping mapping;
   const std::string kind = parameters.GetString("mapping", "uv");
-  if (!Invert(world_from_texture, &mapping.texture_from_world)) {
-    parameters.Error(absl::StrCat(parameters.owner(), ": the transformation is singular"));
-  }
+  mapping.texture_from_world = TextureFromWorld(parameters, world_from_texture);
   if (kind == "uv") {
     mapping.scale_u = parameters.GetFloat("uscale", 1);
     mapping.scale_v = parameters.GetFloat("vscale", 1);
@@ -107,25 +118,12 @@ void TextureTable::Declare(const std::string& name, const std::string& type,
   texture.is_color = type == "spectrum";
   texture.location = parameters.location();
   is_declaring_ = true;
-  bool is_known = true;
-  if (kind == "constant") {
-    texture.texture = MakeConstant(parameters, texture.is_color);
-  } else if (kind == "imagemap") {
-    texture.texture = MakeImage(parameters, world_from_texture);
-  } else if (kind == "checkerboard") {
-    texture.texture = MakeCheckerboard(parameters, texture.is_color, world_from_texture);
-  } else if (kind == "scale") {
-    texture.texture = MakeScale(parameters, texture.is_color);
-  } else if (kind == "mix") {
-    texture.texture = MakeMix(parameters, texture.is_color);
-  } else {
-    parameters.Error(absl::StrCat(
-        parameters.owner(), ": class \"", kind, "\" is not supported",
-        SupportedNamesHint(kind, {"constant", "imagemap", "checkerboard", "scale", "mix"})));
-    is_known = false;
-  }
+  auto made = Make(parameters, kind, texture.is_color, world_from_texture);
   is_declaring_ = false;
-  if (is_known) parameters.ReportUnused();
+  if (made.has_value()) {
+    texture.texture = *std::move(made);
+    parameters.ReportUnused();
+  }
   Slot& slot = SlotFor(texture.is_color, ColorRole::kReflectance, name, texture.location);
   if (slot.is_declared) {
     parameters.Error(absl::StrCat(
@@ -135,6 +133,40 @@ void TextureTable::Declare(const std::string& name, const std::string& type,
   }
   slot.is_declared = true;
   scene_->textures[static_cast<size_t>(slot.index)] = std::move(texture);
+}
+
+std::optional<decltype(TextureDescription::texture)> TextureTable::Make(
+    ParameterList& parameters, const std::string& kind, bool is_color,
+    const Matrix4& world_from_texture) {
+  if (kind == "constant") return MakeConstant(parameters, is_color);
+  if (kind == "imagemap") return MakeImage(parameters, world_from_texture);
+  if (kind == "checkerboard") return MakeCheckerboard(parameters, is_color, world_from_texture);
+  if (kind == "scale") return MakeScale(parameters, is_color);
+  if (kind == "mix") return MakeMix(parameters, is_color);
+  if (kind == "directionmix") return MakeDirectionMix(parameters, is_color, world_from_texture);
+  if (kind == "bilerp") return MakeBilerp(parameters, is_color, world_from_texture);
+  if (kind == "dots") return MakeDots(parameters, is_color, world_from_texture);
+  if (kind == "node") return MakeNode(parameters, world_from_texture);
+  if (kind == "ramp") return MakeRamp(parameters, is_color);
+  const auto noise = kNoiseKinds.find(kind);
+  if (noise != kNoiseKinds.end() || kind == "marble") {
+    const bool wants_color = kind == "marble";
+    if (is_color != wants_color) {
+      parameters.Error(absl::StrCat(
+          parameters.owner(), ": class \"", kind, "\" is a ", wants_color ? "spectrum" : "float",
+          " texture",
+          wants_color ? "" : "; for a color, give it to \"mix\" as \"texture amount\""));
+      return std::nullopt;
+    }
+    if (wants_color) return MakeMarble(parameters, world_from_texture);
+    return MakeNoise(parameters, noise->second, world_from_texture);
+  }
+  parameters.Error(absl::StrCat(
+      parameters.owner(), ": class \"", kind, "\" is not supported",
+      SupportedNamesHint(
+          kind, {"constant", "imagemap", "checkerboard", "scale", "mix", "directionmix", "bilerp",
+                 "dots", "fbm", "wrinkled", "windy", "marble"})));
+  return std::nullopt;
 }
 
 int32_t TextureTable::GetNormalMap(ParameterList& parameters) {
@@ -193,9 +225,7 @@ CheckerboardTexture TextureTable::MakeCheckerboard(ParameterList& parameters, bo
   if (board.dimensions == 2) {
     board.mapping = GetUvMapping(parameters, world_from_texture);
   } else if (board.dimensions == 3) {
-    if (!Invert(world_from_texture, &board.mapping.texture_from_world)) {
-      parameters.Error(absl::StrCat(parameters.owner(), ": the transformation is singular"));
-    }
+    board.mapping.texture_from_world = TextureFromWorld(parameters, world_from_texture);
   } else {
     parameters.ErrorAt(*parameters.Find("dimension"), "must be 2 or 3");
   }
@@ -343,6 +373,15 @@ void TextureTable::CopyForRole(int32_t source, int32_t target, ColorRole role) {
   if (auto* mix = std::get_if<MixTexture>(&copy.texture)) {
     convert(&mix->color[0]);
     convert(&mix->color[1]);
+  }
+  if (auto* mix = std::get_if<DirectionMixTexture>(&copy.texture)) {
+    for (ColorInput& color : mix->color) convert(&color);
+  }
+  if (auto* dots = std::get_if<DotsTexture>(&copy.texture)) {
+    for (ColorInput& color : dots->color) convert(&color);
+  }
+  if (auto* bilerp = std::get_if<BilerpTexture>(&copy.texture)) {
+    for (ColorSpec& color : bilerp->color) SetRole(&color, role);
   }
   scene_->textures[static_cast<size_t>(target)] = std::move(copy);
 }

@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <tuple>
 
@@ -59,6 +60,21 @@ class TextureTable {
   ScaleTexture MakeScale(ParameterList& parameters, bool is_color);
   MixTexture MakeMix(ParameterList& parameters, bool is_color);
   ConstantTexture MakeConstant(ParameterList& parameters, bool is_color);
+  // In texture_table_patterns.cc.
+  NoiseTexture MakeNoise(ParameterList& parameters, NoiseTexture::Kind kind,
+                         const Matrix4& world_from_texture);
+  MarbleTexture MakeMarble(ParameterList& parameters, const Matrix4& world_from_texture);
+  DotsTexture MakeDots(ParameterList& parameters, bool is_color, const Matrix4& world_from_texture);
+  DirectionMixTexture MakeDirectionMix(ParameterList& parameters, bool is_color,
+                                       const Matrix4& world_from_texture);
+  BilerpTexture MakeBilerp(ParameterList& parameters, bool is_color,
+                           const Matrix4& world_from_texture);
+  NodeTexture MakeNode(ParameterList& parameters, const Matrix4& world_from_texture);
+  RampTexture MakeRamp(ParameterList& parameters, bool is_color);
+  // The class's texture; nothing (reported) if there is none of the type.
+  std::optional<decltype(TextureDescription::texture)> Make(ParameterList& parameters,
+                                                            const std::string& kind, bool is_color,
+                                                            const Matrix4& world_from_texture);
 
   SceneDescription* scene_;
   SceneFiles* files_;
@@ -66,6 +82,9 @@ class TextureTable {
   std::map<Key, Slot> slots_;
   bool is_declaring_ = false;
 };
+
+// The inverse of the current transformation, which is reported if it is singular.
+Matrix4 TextureFromWorld(ParameterList& parameters, const Matrix4& world_from_texture);
 
 // Reads "mapping" and its parameters.
 UvMapping GetUvMapping(ParameterList& parameters, const Matrix4& world_from_texture);

@@ -1,0 +1,152 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// The parameters of Blender's texture nodes (NodeTexture): names, defaults and ranges, in the order
+// of NodeTexture::numbers. Sources: the manual of Blender 4.3, and the values of its nodes.
+#pragma once
+
+#include <array>
+#include <string_view>
+
+#include "common/scene/pattern_textures.h"
+
+namespace sheaf {
+
+struct NodeParameter {
+  std::string_view name;
+  float fallback = 0, least = 0, greatest = 0;
+  // For a choice, whose number is the place in the list: its words, separated by spaces.
+  std::string_view words = {};
+};
+struct NodeParameters {
+  NodeTexture::Kind kind;
+  std::string_view name;                                        // In scene files.
+  std::array<NodeParameter, NodeTexture::kNumbers> parameters;  // Names of unused ones are empty.
+};
+
+inline constexpr float kNodeNumberMax = 1e6f, kNodeDetailMax = 15;
+inline constexpr NodeParameter kNodeScale = {"scale", 5, -kNodeNumberMax, kNodeNumberMax};
+inline constexpr NodeParameter kNodeDetail = {"detail", 2, 0, kNodeDetailMax};
+inline constexpr NodeParameter kNodeRoughness = {"roughness", 0.5f, 0, kNodeNumberMax};
+inline constexpr NodeParameter kNodeDistortion = {"distortion", 0, -kNodeNumberMax, kNodeNumberMax};
+inline constexpr NodeParameter kNodeDimensions = {"dimensions", 3, 2, 3};
+
+namespace node_number {
+enum Noise {
+  kNoiseDimensions,
+  kNoiseScale,
+  kNoiseDetail,
+  kNoiseRoughness,
+  kNoiseLacunarity,
+  kNoiseDistortion,
+  kNoiseNormalize
+};
+enum Musgrave {
+  kMusgraveType,
+  kMusgraveScale,
+  kMusgraveDetail,
+  kMusgraveDimension,
+  kMusgraveLacunarity,
+  kMusgraveOffset,
+  kMusgraveGain
+};
+enum Voronoi {
+  kVoronoiDimensions,
+  kVoronoiFeature,
+  kVoronoiMetric,
+  kVoronoiScale,
+  kVoronoiSmoothness,
+  kVoronoiExponent,
+  kVoronoiRandomness
+};
+enum Wave {
+  kWaveType,
+  kWaveDirection,
+  kWaveProfile,
+  kWaveScale,
+  kWaveDistortion,
+  kWaveDetail,
+  kWaveDetailScale,
+  kWaveDetailRoughness,
+  kWavePhase
+};
+enum Magic { kMagicDepth, kMagicScale, kMagicDistortion };
+enum Brick {
+  kBrickScale,
+  kBrickMortarSize,
+  kBrickMortarSmooth,
+  kBrickBias,
+  kBrickWidth,
+  kBrickRowHeight,
+  kBrickOffset,
+  kBrickOffsetFrequency,
+  kBrickSquash,
+  kBrickSquashFrequency,
+  kBrickOutput
+};
+enum Gradient { kGradientType };
+enum White { kWhiteDimensions };
+}  // namespace node_number
+
+inline constexpr std::array<NodeParameters, 8> kNodeParameters = {{
+    {NodeTexture::Kind::kNoise,
+     "noise",
+     {{kNodeDimensions,
+       kNodeScale,
+       kNodeDetail,
+       kNodeRoughness,
+       {"lacunarity", 2, 0, kNodeNumberMax},
+       kNodeDistortion,
+       {"normalize", 1, 0, 1}}}},
+    {NodeTexture::Kind::kMusgrave,
+     "musgrave",
+     {{{"type", 0, 0, 4, "fbm multifractal hybrid ridged hetero"},
+       kNodeScale,
+       kNodeDetail,
+       {"dimension", 2, 1e-5f, kNodeNumberMax},
+       {"lacunarity", 2, 1e-5f, kNodeNumberMax},
+       {"offset", 0, -kNodeNumberMax, kNodeNumberMax},
+       {"gain", 1, 0, kNodeNumberMax}}}},
+    {NodeTexture::Kind::kVoronoi,
+     "voronoi",
+     {{kNodeDimensions,
+       {"feature", 0, 0, 3, "f1 f2 smooth_f1 distance_to_edge"},
+       {"metric", 0, 0, 3, "euclidean manhattan chebychev minkowski"},
+       kNodeScale,
+       {"smoothness", 1, 0, 1},
+       {"exponent", 0.5f, 0.01f, 32},
+       {"randomness", 1, 0, 1}}}},
+    {NodeTexture::Kind::kWave,
+     "wave",
+     {{{"type", 0, 0, 1, "bands rings"},
+       {"direction", 0, 0, 3, "x y z diagonal"},
+       {"profile", 0, 0, 2, "sine saw triangle"},
+       kNodeScale,
+       kNodeDistortion,
+       kNodeDetail,
+       {"detail_scale", 1, -kNodeNumberMax, kNodeNumberMax},
+       {"detail_roughness", 0.5f, 0, kNodeNumberMax},
+       {"phase", 0, -kNodeNumberMax, kNodeNumberMax}}}},
+    {NodeTexture::Kind::kMagic,
+     "magic",
+     {{{"depth", 2, 0, 10}, kNodeScale, {"distortion", 1, -kNodeNumberMax, kNodeNumberMax}}}},
+    {NodeTexture::Kind::kBrick,
+     "brick",
+     {{kNodeScale,
+       {"mortar_size", 0.02f, 0, kNodeNumberMax},
+       {"mortar_smooth", 0.1f, 0, kNodeNumberMax},
+       {"bias", 0, -1, 1},
+       {"brick_width", 0.5f, 1e-5f, kNodeNumberMax},
+       {"row_height", 0.25f, 1e-5f, kNodeNumberMax},
+       {"offset", 0.5f, -kNodeNumberMax, kNodeNumberMax},
+       {"offset_frequency", 2, 1, 99},
+       {"squash", 1, 1e-5f, 99},
+       {"squash_frequency", 2, 1, 99},
+       {"output", 0, 0, 1, "mortar tint"}}}},
+    {NodeTexture::Kind::kGradient,
+     "gradient",
+     {{{"type", 0, 0, 6, "linear quadratic easing diagonal radial quadratic_sphere spherical"}}}},
+    {NodeTexture::Kind::kWhiteNoise, "white_noise", {{kNodeDimensions}}},
+}};
+
+}  // namespace sheaf

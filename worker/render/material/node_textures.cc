@@ -1,0 +1,353 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/material/node_textures.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "common/math/elementary.h"
+#include "common/math/lattice_noise.h"
+#include "common/scene/node_parameters.h"
+#include "worker/render/material/voronoi_cells.h"
+
+namespace sheaf::render {
+namespace {
+
+using namespace node_number;  // NOLINT: the names of this one table.
+
+double NumberOf(const NodeTexture& node, size_t i) { return static_cast<double>(node.numbers[i]); }
+int ChoiceOf(const NodeTexture& node, size_t i) { return static_cast<int>(node.numbers[i]); }
+
+Vec3d Finite(Vec3d p) {
+  for (int i = 0; i < 3; ++i) p[i] = std::isfinite(p[i]) ? p[i] : 0;
+  return p;
+}
+double Smooth(double t) {
+  t = std::clamp(t, 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
+// --- Noise -------------------------------------------------------------------------------------
+
+struct Octaves {
+  double detail, roughness, lacunarity;
+};
+// A fractional detail mixes the sums of both whole numbers of octaves. normalized: divided by the
+// amplitudes' sum, otherwise as it is.
+template <typename Place>
+double SumOctaves(Place p, const Octaves& o, bool normalized) {
+  double sum = 0, amplitude = 1, amplitudes = 0, frequency = 1;
+  const int whole = static_cast<int>(o.detail);
+  const double part = o.detail - whole;
+  for (int i = 0; i <= whole; ++i) {
+    sum += amplitude * LatticeNoise(frequency * p);
+    amplitudes += amplitude;
+    amplitude *= o.roughness;
+    frequency *= o.lacunarity;
+  }
+  const auto value = [&](double s, double a) { return normalized ? s / a : s; };
+  const double first = value(sum, amplitudes);
+  if (part == 0) return first;
+  const double more = sum + amplitude * LatticeNoise(frequency * p);
+  return (1 - part) * first + part * value(more, amplitudes + amplitude);
+}
+
+// The noises of several outputs are apart by a shift between 100 and 200 along each axis.
+Vec3d ShiftOf(float seed) {
+  return Vec3d{100, 100, 100} + 100.0 * Vec3d{static_cast<double>(RandomOf(seed, 0)),
+                                              static_cast<double>(RandomOf(seed, 1)),
+                                              static_cast<double>(RandomOf(seed, 2))};
+}
+Vec2d InPlane(Vec3d p) { return {p.x, p.y}; }
+
+// channel: 0 is also the factor.
+double NoiseAt(const NodeTexture& node, Vec3d p, int channel) {
+  p = NumberOf(node, kNoiseScale) * p;
+  const bool is_plane = ChoiceOf(node, kNoiseDimensions) == 2;
+  const auto noise = [&](Vec3d q) { return is_plane ? LatticeNoise(InPlane(q)) : LatticeNoise(q); };
+  if (const double distortion = NumberOf(node, kNoiseDistortion); distortion != 0) {
+    const Vec3d moved{noise(p + ShiftOf(0)), noise(p + ShiftOf(1)),
+                      is_plane ? 0 : noise(p + ShiftOf(2))};
+    p = p + distortion * moved;
+  }
+  if (channel > 0) p = p + ShiftOf(static_cast<float>((is_plane ? 1 : 2) + channel));
+  const Octaves octaves{NumberOf(node, kNoiseDetail), NumberOf(node, kNoiseRoughness),
+                        NumberOf(node, kNoiseLacunarity)};
+  const bool normalized = node.numbers[kNoiseNormalize] != 0;
+  const double sum =
+      is_plane ? SumOctaves(InPlane(p), octaves, normalized) : SumOctaves(p, octaves, normalized);
+  return normalized ? 0.5 * sum + 0.5 : sum;
+}
+
+enum MusgraveType { kFbm, kMultifractal, kHybrid, kRidged, kHetero };
+double MusgraveAt(const NodeTexture& node, Vec3d p) {
+  p = NumberOf(node, kMusgraveScale) * p;
+  const int type = ChoiceOf(node, kMusgraveType);
+  const double detail = NumberOf(node, kMusgraveDetail), offset = NumberOf(node, kMusgraveOffset),
+               gain = NumberOf(node, kMusgraveGain),
+               lacunarity = NumberOf(node, kMusgraveLacunarity);
+  const double fall = Pow(lacunarity, -NumberOf(node, kMusgraveDimension));
+  const int whole = static_cast<int>(detail);
+  const double part = detail - whole;
+  // The weight of octave i: all of those below the detail, a part of the next one.
+  const auto weight_of = [&](int i) { return i < whole ? 1 : part; };
+  double power = 1;
+  if (type == kFbm || type == kMultifractal) {
+    double value = type == kFbm ? 0 : 1;
+    for (int i = 0; i <= whole && weight_of(i) > 0; ++i) {
+      const double octave = weight_of(i) * power * LatticeNoise(p);
+      value = type == kFbm ? value + octave : value * (octave + 1);
+      power *= fall;
+      p = lacunarity * p;
+    }
+    return value;
+  }
+  const double first = LatticeNoise(p);
+  double signal = offset - std::fabs(first);
+  signal *= signal;
+  double value = type == kRidged ? signal : first + offset;
+  double weight = gain * value;
+  power = fall;
+  for (int i = 1; i <= whole; ++i) {
+    p = lacunarity * p;
+    // Ridges have no octave in part.
+    if (weight_of(i) == 0 || (type == kRidged && i == whole)) break;
+    const double noise = LatticeNoise(p);
+    if (type == kHetero) {
+      value += weight_of(i) * (noise + offset) * power * value;
+    } else if (type == kHybrid) {
+      const double octave = (noise + offset) * power;
+      if (i == whole) {
+        value += part * octave;
+      } else if (weight > 0.001) {
+        weight = std::fmin(weight, 1);
+        value += weight * octave;
+        weight *= gain * octave;
+      }
+    } else {
+      const double share = std::clamp(signal * gain, 0.0, 1.0);
+      signal = offset - std::fabs(noise);
+      signal *= signal * share;
+      value += signal * power;
+    }
+    power *= fall;
+  }
+  return value;
+}
+
+// --- Patterns ----------------------------------------------------------------------------------
+
+double WaveAt(const NodeTexture& node, Vec3d p) {
+  // Whole numbers lie beside the steps of a saw.
+  constexpr double kNudge = 1e-6;
+  p = (1 - kNudge) * (NumberOf(node, kWaveScale) * p + Vec3d{kNudge, kNudge, kNudge});
+  const int direction = ChoiceOf(node, kWaveDirection);
+  double phase = 0;
+  if (ChoiceOf(node, kWaveType) == 0) {
+    phase = direction == 3 ? 10 * (p.x + p.y + p.z) : 20 * p[direction];
+  } else {
+    Vec3d across = p;
+    if (direction < 3) across[direction] = 0;
+    phase = 20 * Length(across);
+  }
+  phase += NumberOf(node, kWavePhase);
+  if (const double distortion = NumberOf(node, kWaveDistortion); distortion != 0) {
+    const Octaves octaves{NumberOf(node, kWaveDetail), NumberOf(node, kWaveDetailRoughness), 2};
+    phase += distortion * SumOctaves(NumberOf(node, kWaveDetailScale) * p, octaves, true);
+  }
+  const int profile = ChoiceOf(node, kWaveProfile);
+  if (profile == 0) return 0.5 + 0.5 * Sin(phase - 0.5 * kPi);
+  const double turns = phase / (2 * kPi);
+  if (profile == 1) return turns - std::floor(turns);
+  return 2 * std::fabs(turns - std::floor(turns + 0.5));
+}
+
+Vec3d MagicAt(const NodeTexture& node, Vec3d p) {
+  const double factor = 5 * NumberOf(node, kMagicScale), amount = NumberOf(node, kMagicDistortion);
+  const int depth = ChoiceOf(node, kMagicDepth);
+  for (int i = 0; i < 3; ++i) p[i] = std::fmod(p[i], 2 * kPi);
+  double x = Sin((p.x + p.y + p.z) * factor), y = Cos((-p.x + p.y - p.z) * factor),
+         z = -Cos((-p.x - p.y + p.z) * factor);
+  if (depth > 0) {
+    x *= amount;
+    y *= amount;
+    z *= amount;
+    y = -Cos(x - y + z) * amount;
+  }
+  if (depth > 1) x = Cos(x - y - z) * amount;
+  if (depth > 2) z = Sin(-x - y - z) * amount;
+  if (depth > 3) x = -Cos(-x + y - z) * amount;
+  if (depth > 4) y = -Sin(-x + y + z) * amount;
+  if (depth > 5) y = -Cos(-x + y + z) * amount;
+  if (depth > 6) x = Cos(x + y + z) * amount;
+  if (depth > 7) z = Sin(x + y - z) * amount;
+  if (depth > 8) x = -Cos(-x - y + z) * amount;
+  if (depth > 9) y = -Sin(x - y + z) * amount;
+  const double divisor = amount != 0 ? 2 * amount : 1;
+  return Vec3d{0.5, 0.5, 0.5} - Vec3d{x, y, z} / divisor;
+}
+
+// A number in [0, 1) of a brick.
+double RandomOfBrick(uint32_t n) {
+  n = (n + 1013) & 0x7fffffff;
+  n = (n >> 13) ^ n;
+  const uint32_t hash = (n * (n * n * 60493 + 19990303) + 1376312589) & 0x7fffffff;
+  return static_cast<double>(hash) / 2147483648.0;
+}
+
+double BrickAt(const NodeTexture& node, Vec3d p) {
+  constexpr double kBricksMax = 1e9;
+  p = NumberOf(node, kBrickScale) * p;
+  const double height = NumberOf(node, kBrickRowHeight);
+  double width = NumberOf(node, kBrickWidth);
+  const double row = std::clamp(std::floor(p.y / height), -kBricksMax, kBricksMax);
+  const auto row_number = static_cast<int32_t>(row);
+  if (row_number % ChoiceOf(node, kBrickSquashFrequency) == 0) {
+    width *= NumberOf(node, kBrickSquash);
+  }
+  const bool is_moved = row_number % ChoiceOf(node, kBrickOffsetFrequency) == 0;
+  const double x_moved = p.x + (is_moved ? width * NumberOf(node, kBrickOffset) : 0);
+  const double brick = std::clamp(std::floor(x_moved / width), -kBricksMax, kBricksMax);
+  if (ChoiceOf(node, kBrickOutput) == 1) {
+    const uint32_t number = (static_cast<uint32_t>(row_number) << 16) +
+                            (static_cast<uint32_t>(static_cast<int32_t>(brick)) & 0xffff);
+    return std::clamp(RandomOfBrick(number) + NumberOf(node, kBrickBias), 0.0, 1.0);
+  }
+  const double x = x_moved - width * brick, y = p.y - height * row;
+  const double edge = std::fmin(std::fmin(x, y), std::fmin(width - x, height - y));
+  const double mortar = NumberOf(node, kBrickMortarSize),
+               smooth = NumberOf(node, kBrickMortarSmooth);
+  if (edge >= mortar) return 0;
+  return smooth == 0 ? 1 : Smooth((1 - edge / mortar) / smooth);
+}
+
+double GradientAt(const NodeTexture& node, Vec3d p) {
+  const double x = std::clamp(p.x, 0.0, 1.0);
+  const double inside = std::fmax(0.999999 - Length(p), 0);
+  switch (ChoiceOf(node, kGradientType)) {
+    case 0:
+      return x;
+    case 1:
+      return x * x;
+    case 2:
+      return Smooth(x);
+    case 3:
+      return std::clamp(0.5 * (p.x + p.y), 0.0, 1.0);
+    case 4:
+      return Atan2(p.y, p.x) / (2 * kPi) + 0.5;
+    case 5:
+      return inside * inside;
+    default:
+      return inside;
+  }
+}
+
+std::array<float, 3> WhiteNoiseAt(const NodeTexture& node, Vec3d p) {
+  const Vec3f at = ToFloat(p);
+  return ChoiceOf(node, kWhiteDimensions) == 2 ? RandomTripleOf(at.x, at.y)
+                                               : RandomTripleOf(at.x, at.y, at.z);
+}
+
+VoronoiCell VoronoiAt(const NodeTexture& node, Vec3d p) {
+  return VoronoiCellAt(
+      {static_cast<VoronoiFeature>(ChoiceOf(node, kVoronoiFeature)),
+       static_cast<VoronoiMetric>(ChoiceOf(node, kVoronoiMetric)),
+       ChoiceOf(node, kVoronoiDimensions) == 2, 0.5 * NumberOf(node, kVoronoiSmoothness),
+       NumberOf(node, kVoronoiExponent), NumberOf(node, kVoronoiRandomness)},
+      NumberOf(node, kVoronoiScale) * p);
+}
+
+}  // namespace
+
+float NodeFactor(const NodeTexture& node, Vec3d place) {
+  const Vec3d p = Finite(place);
+  switch (node.kind) {
+    case NodeTexture::Kind::kNoise:
+      return static_cast<float>(NoiseAt(node, p, 0));
+    case NodeTexture::Kind::kMusgrave:
+      return static_cast<float>(MusgraveAt(node, p));
+    case NodeTexture::Kind::kVoronoi:
+      return static_cast<float>(VoronoiAt(node, p).distance);
+    case NodeTexture::Kind::kWave:
+      return static_cast<float>(WaveAt(node, p));
+    case NodeTexture::Kind::kMagic: {
+      const Vec3d c = MagicAt(node, p);
+      return static_cast<float>((c.x + c.y + c.z) / 3);
+    }
+    case NodeTexture::Kind::kBrick:
+      return static_cast<float>(BrickAt(node, p));
+    case NodeTexture::Kind::kGradient:
+      return static_cast<float>(GradientAt(node, p));
+    case NodeTexture::Kind::kWhiteNoise:
+      return WhiteNoiseAt(node, p)[0];
+  }
+  return 0;
+}
+
+Rgb NodeColor(const NodeTexture& node, Vec3d place) {
+  const Vec3d p = Finite(place);
+  const auto rgb = [](Vec3d c) {
+    return Rgb{static_cast<float>(c.x), static_cast<float>(c.y), static_cast<float>(c.z)};
+  };
+  switch (node.kind) {
+    case NodeTexture::Kind::kNoise:
+      return rgb({NoiseAt(node, p, 0), NoiseAt(node, p, 1), NoiseAt(node, p, 2)});
+    case NodeTexture::Kind::kVoronoi:
+      return rgb(VoronoiAt(node, p).color);
+    case NodeTexture::Kind::kMagic:
+      return rgb(MagicAt(node, p));
+    case NodeTexture::Kind::kWhiteNoise: {
+      const std::array<float, 3> c = WhiteNoiseAt(node, p);
+      return {c[0], c[1], c[2]};
+    }
+    default:
+      return Rgb::Gray(NodeFactor(node, p));
+  }
+}
+
+double NodeFrequency(const NodeTexture& node) {
+  const auto finest = [&](size_t scale, size_t detail, double lacunarity) {
+    return std::fabs(NumberOf(node, scale)) *
+           std::fmax(Pow(lacunarity, std::ceil(NumberOf(node, detail))), 1);
+  };
+  switch (node.kind) {
+    case NodeTexture::Kind::kNoise:
+      return finest(kNoiseScale, kNoiseDetail, NumberOf(node, kNoiseLacunarity));
+    case NodeTexture::Kind::kMusgrave:
+      return finest(kMusgraveScale, kMusgraveDetail, NumberOf(node, kMusgraveLacunarity));
+    case NodeTexture::Kind::kVoronoi:
+      return std::fabs(NumberOf(node, kVoronoiScale));
+    case NodeTexture::Kind::kWave:
+      return std::fmax(
+          4 * std::fabs(NumberOf(node, kWaveScale)),
+          node.numbers[kWaveDistortion] == 0
+              ? 0
+              : finest(kWaveScale, kWaveDetail, 2) * std::fabs(NumberOf(node, kWaveDetailScale)));
+    case NodeTexture::Kind::kMagic:
+      return 4 * std::fabs(NumberOf(node, kMagicScale));
+    case NodeTexture::Kind::kBrick:
+      return std::fabs(NumberOf(node, kBrickScale)) /
+             std::fmax(NumberOf(node, kBrickMortarSize), 1e-3);
+    case NodeTexture::Kind::kGradient:
+      return 1;
+    case NodeTexture::Kind::kWhiteNoise:
+      return 1000;
+  }
+  return 1;
+}
+
+int NodeOctaves(const NodeTexture& node) {
+  switch (node.kind) {
+    case NodeTexture::Kind::kNoise:
+      return static_cast<int>(node.numbers[kNoiseDetail]) + 2;
+    case NodeTexture::Kind::kMusgrave:
+      return static_cast<int>(node.numbers[kMusgraveDetail]) + 2;
+    case NodeTexture::Kind::kWave:
+      return static_cast<int>(node.numbers[kWaveDetail]) + 2;
+    default:
+      return 4;
+  }
+}
+
+}  // namespace sheaf::render

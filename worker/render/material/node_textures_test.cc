@@ -1,0 +1,165 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "worker/render/material/node_textures.h"
+
+#include <bit>
+#include <cmath>
+#include <string_view>
+
+#include "common/math/elementary.h"
+#include "common/math/lattice_noise.h"
+#include "common/math/mix_bits.h"
+#include "common/scene/node_parameters.h"
+#include "gtest/gtest.h"
+#include "worker/render/material/voronoi_cells.h"
+
+namespace sheaf::render {
+namespace {
+
+// A node with its defaults but for one number.
+NodeTexture Node(NodeTexture::Kind kind, std::string_view name = "", float value = 0) {
+  NodeTexture node;
+  node.kind = kind;
+  for (const NodeParameters& known : kNodeParameters) {
+    if (known.kind != kind) continue;
+    for (size_t i = 0; i < known.parameters.size(); ++i) {
+      node.numbers[i] = known.parameters[i].name == name ? value : known.parameters[i].fallback;
+    }
+  }
+  return node;
+}
+NodeTexture With(NodeTexture node, size_t number, float value) {
+  node.numbers[number] = value;
+  return node;
+}
+using Kind = NodeTexture::Kind;
+constexpr Vec3d kAt[] = {{0.31, 0.72, -0.23}, {-5.1, 2.2, 8.9}, {40.25, -3.5, 0.125}};
+
+TEST(NodeTexturesTest, NoiseIsTheMeanOfItsOctavesByTheirAmplitudes) {
+  const NodeTexture node = Node(Kind::kNoise, "detail", 1.5f);
+  for (const Vec3d p : kAt) {
+    double n[3];
+    for (int i = 0; i < 3; ++i) n[i] = LatticeNoise(std::ldexp(5.0, i) * p);
+    const double two = (n[0] + 0.5 * n[1]) / 1.5, three = (n[0] + 0.5 * n[1] + 0.25 * n[2]) / 1.75;
+    EXPECT_NEAR(NodeFactor(node, p), 0.5 + 0.25 * (two + three), 1e-6);
+    const Rgb color = NodeColor(node, p);
+    EXPECT_EQ(color.r, NodeFactor(node, p));
+    EXPECT_NE(color.g, color.r);
+    EXPECT_NE(color.b, color.g);
+  }
+}
+
+TEST(NodeTexturesTest, NoiseOfThePlaneIgnoresHeight) {
+  const NodeTexture node = Node(Kind::kNoise, "dimensions", 2);
+  EXPECT_EQ(NodeFactor(node, {0.3, 0.4, 0}), NodeFactor(node, {0.3, 0.4, 7}));
+  EXPECT_NE(NodeFactor(node, {0.3, 0.4, 0}), NodeFactor(Node(Kind::kNoise), {0.3, 0.4, 0}));
+}
+
+TEST(NodeTexturesTest, MusgraveOctavesFallByTheDimension) {
+  const NodeTexture node = Node(Kind::kMusgrave);  // Dimension, lacunarity and detail are 2.
+  for (const Vec3d p : kAt) {
+    EXPECT_NEAR(NodeFactor(node, p), LatticeNoise(5.0 * p) + 0.25 * LatticeNoise(10.0 * p), 1e-6);
+    const NodeTexture ridged = With(With(node, 0, 3), 5, 0.8f);
+    const double first = std::pow(static_cast<double>(0.8f) - std::fabs(LatticeNoise(5.0 * p)), 2);
+    const double second =
+        std::pow(static_cast<double>(0.8f) - std::fabs(LatticeNoise(10.0 * p)), 2) *
+        std::fmin(first, 1);
+    EXPECT_NEAR(NodeFactor(ridged, p), first + 0.25 * second, 1e-6);
+  }
+}
+
+TEST(NodeTexturesTest, VoronoiDistancesAreThoseToTheNearestPoints) {
+  VoronoiOptions f1, f2{.feature = VoronoiFeature::kF2}, edge{};
+  edge.feature = VoronoiFeature::kDistanceToEdge;
+  VoronoiOptions smooth{.feature = VoronoiFeature::kSmoothF1, .smoothness = 1e-6};
+  for (int i = 0; i < 200; ++i) {
+    const Vec3d p{i * 0.137 - 9, i * 0.311, i * -0.071};
+    const double first = VoronoiCellAt(f1, p).distance, second = VoronoiCellAt(f2, p).distance;
+    EXPECT_LE(first, second);
+    EXPECT_LE(first, std::sqrt(3.0));
+    EXPECT_NEAR(VoronoiCellAt(smooth, p).distance, first, 1e-5);
+    // The bisector of two points is half of the difference of the distances away, at least.
+    EXPECT_GE(VoronoiCellAt(edge, p).distance, 0.5 * (second - first) - 1e-12);
+  }
+}
+
+// Without randomness the points are the corners of the lattice.
+TEST(NodeTexturesTest, VoronoiMetricsMeasureTheLattice) {
+  VoronoiOptions options{.exponent = 3, .randomness = 0};
+  const Vec3d p{4.25, -2.125, 7.5 - 0.0625};
+  const double x = 0.25, y = 0.125, z = 0.4375;
+  const auto distance = [&](VoronoiMetric metric) {
+    options.metric = metric;
+    return VoronoiCellAt(options, p).distance;
+  };
+  EXPECT_NEAR(distance(VoronoiMetric::kEuclidean), std::sqrt(x * x + y * y + z * z), 1e-12);
+  EXPECT_NEAR(distance(VoronoiMetric::kManhattan), x + y + z, 1e-12);
+  EXPECT_NEAR(distance(VoronoiMetric::kChebychev), z, 1e-12);
+  EXPECT_NEAR(distance(VoronoiMetric::kMinkowski), std::cbrt(x * x * x + y * y * y + z * z * z),
+              1e-12);
+  options.feature = VoronoiFeature::kDistanceToEdge;
+  EXPECT_NEAR(distance(VoronoiMetric::kEuclidean), 0.5 - z, 1e-12);
+  options.is_plane = true;
+  EXPECT_NEAR(distance(VoronoiMetric::kEuclidean), 0.5 - x, 1e-12);
+}
+
+TEST(NodeTexturesTest, WavesAreBandsOrRingsOfTheirProfile) {
+  const NodeTexture bands = Node(Kind::kWave);
+  EXPECT_NEAR(NodeFactor(bands, {0.2, 9, 9}), 0.5 - 0.5 * std::cos(20.0), 1e-4);
+  const NodeTexture rings = With(With(bands, 0, 1), 1, 3);
+  EXPECT_NEAR(NodeFactor(rings, {0.12, 0, 0.16}), 0.5 - 0.5 * std::cos(20.0), 1e-4);
+  const double turns = 20 / (2 * kPi);
+  EXPECT_NEAR(NodeFactor(With(bands, 2, 1), {0.2, 0, 0}), turns - 3, 1e-4);
+  EXPECT_NEAR(NodeFactor(With(bands, 2, 2), {0.2, 0, 0}), 2 * (turns - 3), 1e-4);
+}
+
+TEST(NodeTexturesTest, MagicIsSinesOfSums) {
+  const NodeTexture node = With(Node(Kind::kMagic), 0, 0);
+  const Rgb c = NodeColor(node, {0.1, 0.2, 0.3});
+  EXPECT_NEAR(c.r, 0.5 - 0.5 * std::sin(15.0), 1e-5);
+  EXPECT_NEAR(c.g, 0.5 - 0.5 * std::cos(-5.0), 1e-5);
+  EXPECT_NEAR(c.b, 0.5 + 0.5 * std::cos(0.0), 1e-5);
+  EXPECT_NEAR(NodeFactor(node, {0.1, 0.2, 0.3}), (c.r + c.g + c.b) / 3, 1e-6);
+}
+
+// At scale 5, bricks are 0.1 by 0.05, and rows of even numbers are moved by half a brick.
+TEST(NodeTexturesTest, BricksLieInRows) {
+  const NodeTexture node = With(Node(Kind::kBrick), 2, 0);
+  EXPECT_EQ(NodeFactor(node, {0.1, 0.025, 0}), 0);
+  EXPECT_EQ(NodeFactor(node, {0.05, 0.025, 0}), 1);
+  EXPECT_EQ(NodeFactor(node, {0.05, 0.075, 0}), 0);
+  EXPECT_EQ(NodeFactor(node, {0.05, 0.051, 0}), 1);
+  const NodeTexture tint = With(node, 10, 1);
+  EXPECT_EQ(NodeFactor(tint, {0.06, 0.01, 0}), NodeFactor(tint, {0.14, 0.04, 0}));
+  EXPECT_NE(NodeFactor(tint, {0.06, 0.01, 0}), NodeFactor(tint, {0.16, 0.01, 0}));
+}
+
+TEST(NodeTexturesTest, GradientsHaveTheirForms) {
+  const auto at = [](int type, Vec3d p) {
+    return NodeFactor(With(Node(Kind::kGradient), 0, static_cast<float>(type)), p);
+  };
+  EXPECT_FLOAT_EQ(at(0, {0.25, 9, 9}), 0.25f);
+  EXPECT_FLOAT_EQ(at(0, {-2, 0, 0}), 0);
+  EXPECT_FLOAT_EQ(at(1, {0.5, 0, 0}), 0.25f);
+  EXPECT_FLOAT_EQ(at(2, {0.25, 0, 0}), 0.15625f);
+  EXPECT_FLOAT_EQ(at(3, {0.25, 0.5, 0}), 0.375f);
+  EXPECT_FLOAT_EQ(at(4, {0, 1, 0}), 0.75f);
+  EXPECT_NEAR(at(5, {0.5, 0, 0}), 0.25, 1e-5);
+  EXPECT_NEAR(at(6, {0, 0.75, 0}), 0.25, 1e-5);
+}
+
+TEST(NodeTexturesTest, BadPlacesGiveNumbersOfEveryNode) {
+  for (const NodeParameters& known : kNodeParameters) {
+    const NodeTexture node = Node(known.kind);
+    for (const double bad : {std::nan(""), 1e300, -1e300}) {
+      const Vec3d p{bad, bad, 0.5};
+      EXPECT_TRUE(std::isfinite(NodeFactor(node, p))) << known.name;
+      EXPECT_TRUE(std::isfinite(NodeColor(node, p).b)) << known.name;
+    }
+    EXPECT_GT(NodeFrequency(node), 0) << known.name;
+    EXPECT_GT(NodeOctaves(node), 0) << known.name;
+  }
+}
+
+}  // namespace
+}  // namespace sheaf::render
