@@ -18,9 +18,11 @@ constexpr const char* kKnownExtensions[] = {
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
@@ -34,8 +36,7 @@ constexpr const char* kKnownExtensions[] = {
     kMeshopt,
 };
 // Those that have messages of their own where they are used.
-constexpr const char* kNamedElsewhere[] = {"KHR_materials_dispersion", "KHR_texture_basisu",
-                                           "KHR_materials_pbrSpecularGlossiness"};
+constexpr const char* kNamedElsewhere[] = {"KHR_texture_basisu"};
 
 template <typename List>
 bool Contains(const List& list, const std::string& name) {

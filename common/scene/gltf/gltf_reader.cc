@@ -58,6 +58,7 @@ class Builder {
     AddAll();
     skipped_.Report(diagnostics_);
   }
+  void MakeDispersive() { materials_.MakeDispersive(); }
 
  private:
   void AddAll() {
@@ -146,7 +147,7 @@ class Builder {
       const tinygltf::Primitive& source = mesh.primitives[p];
       const Surface surface =
           materials_.Get(source.material, source.attributes.contains("COLOR_0"));
-      const Primitive* primitive = meshes_.Get(node.mesh, p, surface.uv_set);
+      const Primitive* primitive = meshes_.Get(node.mesh, p, surface.uv_sets);
       if (primitive == nullptr) continue;
       ShapeDescription shape;
       shape.material = surface.material;
@@ -165,7 +166,7 @@ class Builder {
             moves_ ? std::optional(Deformed(*primitive, weights_end, joints->end)) : std::nullopt,
             *primitive)};
       } else {
-        shape.shape = MeshShape{MeshIndex(node.mesh, p, surface.uv_set, *primitive)};
+        shape.shape = MeshShape{MeshIndex(node.mesh, p, surface.uv_sets, *primitive)};
       }
       if (diagnostics_->HasErrors()) return;
       shapes.push_back(std::move(shape));
@@ -190,9 +191,9 @@ class Builder {
     return own.empty() ? mesh.weights : own;
   }
 
-  int32_t MeshIndex(int mesh, size_t primitive, int uv_set, const Primitive& source) {
+  int32_t MeshIndex(int mesh, size_t primitive, UvSets sets, const Primitive& source) {
     const auto [entry, is_new] =
-        mesh_indices_.try_emplace(std::tuple(mesh, primitive, uv_set), kNone);
+        mesh_indices_.try_emplace(std::tuple(mesh, primitive, sets), kNone);
     if (is_new && accessors_.Charge(BytesOf(source.mesh))) entry->second = AddMesh(source.mesh);
     return entry->second;
   }
@@ -202,6 +203,7 @@ class Builder {
     TriangleMesh mesh = source.mesh;
     mesh.positions = std::move(start.positions);
     mesh.normals = std::move(start.normals);
+    mesh.tangents.clear();  // They are those of the mesh at rest.
     if (end && !(end->positions == mesh.positions)) mesh.steps.push_back(*std::move(end));
     const auto is_finite = [](const Vec3f& p) {
       return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
@@ -416,7 +418,7 @@ class Builder {
   std::map<int, int> uses_;         // By mesh.
   std::map<int, int32_t> objects_;  // By mesh.
   std::set<std::string> object_names_;
-  std::map<std::tuple<int, size_t, int>, int32_t> mesh_indices_;
+  std::map<std::tuple<int, size_t, UvSets>, int32_t> mesh_indices_;
   std::vector<Bounds> mesh_bounds_;  // As SceneDescription::meshes.
   Bounds bounds_;
 };
@@ -435,10 +437,12 @@ absl::StatusOr<ReadSceneResult> ReadGltf(const std::string& main_file, FileSourc
   Diagnostics diagnostics(&result.scene, limits);
   if (!warning.empty()) diagnostics.Note(gltf::kFile, warning);
   const SceneReaderLimits fitting = gltf::LimitsFor(**model, main_file, files, limits);
-  gltf::Builder(**model, main_file, &files, view, fitting, &diagnostics, &result.scene).Build();
+  gltf::Builder builder(**model, main_file, &files, view, fitting, &diagnostics, &result.scene);
+  builder.Build();
   gltf::AddEnvironment(view.environment, main_file, &files, &diagnostics, &result.scene);
   if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
   AddPrincipledMedia(&result.scene, &diagnostics);
+  builder.MakeDispersive();
   result.diagnostics = diagnostics.TakeAll();
   return result;
 }

@@ -109,14 +109,6 @@ void Materials::SetLayers(const tinygltf::Material& source, const std::string& w
         std::clamp(NumberOf(anisotropy, "anisotropyRotation", 0), -limit, limit));
     constant(anisotropy, "anisotropyTexture", "anisotropy");
   }
-  if (Find(source.extensions, "KHR_materials_dispersion") != nullptr) {
-    Ignore(what, "its dispersion (KHR_materials_dispersion) has no effect");
-  }
-  if (Find(source.extensions, "KHR_materials_pbrSpecularGlossiness") != nullptr) {
-    Ignore(what,
-           "KHR_materials_pbrSpecularGlossiness is no longer part of glTF and has no effect; "
-           "convert it: gltf-transform metalrough in.glb out.glb");
-  }
 }
 
 }  // namespace sheaf::gltf

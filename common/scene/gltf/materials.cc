@@ -16,45 +16,78 @@ float Unit(double x) {
   return static_cast<float>(std::isfinite(x) ? std::clamp(x, 0.0, 1.0) : 1.0);
 }
 
+// KHR_materials_pbrSpecularGlossiness replaces the base of the core format.
+const tinygltf::Value* GlossOf(const tinygltf::Material& source) {
+  return Find(source.extensions, "KHR_materials_pbrSpecularGlossiness");
+}
+
+std::vector<double> BaseFactor(const tinygltf::Material& source) {
+  const tinygltf::Value* gloss = GlossOf(source);
+  if (gloss != nullptr) return NumbersOf(gloss, "diffuseFactor", 4, {1, 1, 1, 1});
+  return source.pbrMetallicRoughness.baseColorFactor;
+}
+
 float AlphaFactor(const tinygltf::Material& source) {
-  const std::vector<double>& factor = source.pbrMetallicRoughness.baseColorFactor;
+  const std::vector<double> factor = BaseFactor(source);
   return factor.size() == 4 ? Unit(factor[3]) : 1;
 }
 
 TextureRef BaseColorTexture(const tinygltf::Material& source) {
+  const tinygltf::Value* gloss = GlossOf(source);
+  if (gloss != nullptr) return RefOf(gloss, "diffuseTexture");
   const tinygltf::TextureInfo& info = source.pbrMetallicRoughness.baseColorTexture;
   return RefOf(info.index, info.texCoord, info.extensions);
 }
 
 Rgb BaseColorFactor(const tinygltf::Material& source) {
-  return ColorOfNumbers(source.pbrMetallicRoughness.baseColorFactor, Rgb::Gray(1));
+  return ColorOfNumbers(BaseFactor(source), Rgb::Gray(1));
 }
 
 }  // namespace
 
-bool Materials::Uses(const TextureRef& ref, const std::string& what) {
-  if (!ref.IsSet()) return false;
-  if (uv_set_ < 0) uv_set_ = ref.uv_set;
-  if (uv_set_ == ref.uv_set) return true;
-  Ignore(what, absl::StrCat("uses TEXCOORD_", ref.uv_set,
-                            " where other textures of the material "
-                            "use TEXCOORD_",
-                            uv_set_, ", and is left out; bake it for those"));
+int Materials::FirstSetOf(const tinygltf::Material& source) {
+  const tinygltf::NormalTextureInfo& normals = source.normalTexture;
+  const TextureRef normal = RefOf(normals.index, normals.texCoord, normals.extensions);
+  if (normal.IsSet()) return normal.uv_set;
+  if (source.extensions.contains("KHR_materials_unlit")) {
+    const TextureRef unlit = BaseColorTexture(source);
+    return unlit.IsSet() ? unlit.uv_set : -1;
+  }
+  const tinygltf::TextureInfo& emission = source.emissiveTexture;
+  const TextureRef light = RefOf(emission.index, emission.texCoord, emission.extensions);
+  const bool emits = !ColorOfNumbers(source.emissiveFactor, {}).IsBlack();
+  return emits && light.IsSet() ? light.uv_set : -1;
+}
+
+bool Materials::Uses(const std::string& what, bool may_be_second, TextureRef* ref) {
+  if (!ref->IsSet()) return false;
+  if (uv_set_ < 0) uv_set_ = ref->uv_set;
+  if (uv_set_ == ref->uv_set) return true;
+  const bool is_free = second_uv_set_ < 0 || second_uv_set_ == ref->uv_set;
+  if (may_be_second && is_free && !has_colors_) {
+    second_uv_set_ = ref->uv_set;
+    ref->mapping.kind = UvMapping::Kind::kSecondUv;
+    return true;
+  }
+  Ignore(what, absl::StrCat("uses TEXCOORD_", ref->uv_set, " beside TEXCOORD_", uv_set_,
+                            has_colors_ ? " and colors of vertices" : "",
+                            ", and is left out; bake it for those"));
   return false;
 }
 
-FloatInput Materials::Number(float factor, const TextureRef& ref, int channel,
-                             const std::string& what) {
+FloatInput Materials::Number(float factor, TextureRef ref, int channel, const std::string& what) {
   FloatInput input{.value = factor};
-  if (factor > 0 && Uses(ref, what)) {
+  if (factor > 0 && Uses(what, true, &ref)) {
     input.texture = textures_->Channel(ref, channel, factor, std::nullopt, what);
   }
   return input;
 }
 
-ColorInput Materials::ColorTimes(Rgb factor, const TextureRef& ref, const std::string& what) {
+ColorInput Materials::ColorTimes(Rgb factor, TextureRef ref, const std::string& what) {
   ColorInput input{.value = Color(factor)};
-  if (!factor.IsBlack() && Uses(ref, what)) input.texture = textures_->Color(ref, factor, what);
+  if (!factor.IsBlack() && Uses(what, true, &ref)) {
+    input.texture = textures_->Color(ref, factor, what);
+  }
   return input;
 }
 
@@ -78,15 +111,17 @@ void Materials::TimesVertexAlpha(const std::string& what, FloatInput* input) {
 }
 
 void Materials::SetBase(const tinygltf::Material& source, const std::string& what,
-                        Surface* /*surface*/, PrincipledMaterial* material) {
+                        PrincipledMaterial* material) {
   const tinygltf::PbrMetallicRoughness& base = source.pbrMetallicRoughness;
   material->base_color =
       ColorTimes(BaseColorFactor(source), BaseColorTexture(source), what + ", base color");
   TimesVertexColor(what + ", base color", &material->base_color);
-  const tinygltf::TextureInfo& info = base.metallicRoughnessTexture;
-  const TextureRef both = RefOf(info.index, info.texCoord, info.extensions);
-  material->metallic = Number(Unit(base.metallicFactor), both, 2, what + ", metallic");
-  material->roughness = Number(Unit(base.roughnessFactor), both, 1, what + ", roughness");
+  if (GlossOf(source) == nullptr) {
+    const tinygltf::TextureInfo& info = base.metallicRoughnessTexture;
+    const TextureRef both = RefOf(info.index, info.texCoord, info.extensions);
+    material->metallic = Number(Unit(base.metallicFactor), both, 2, what + ", metallic");
+    material->roughness = Number(Unit(base.roughnessFactor), both, 1, what + ", roughness");
+  }
   if (source.occlusionTexture.index >= 0) {
     Ignore(what, "its occlusion has no effect: paths find what is occluded");
   }
@@ -96,13 +131,13 @@ void Materials::SetOpacity(const tinygltf::Material& source, const std::string& 
                            Surface* surface) {
   if (source.alphaMode != "MASK" && source.alphaMode != "BLEND") return;
   const float factor = AlphaFactor(source);
-  const TextureRef texture = BaseColorTexture(source);
+  TextureRef texture = BaseColorTexture(source);
   const bool is_mask = source.alphaMode == "MASK";
   const auto cutoff =
       static_cast<float>(std::isfinite(source.alphaCutoff) ? source.alphaCutoff : 0.5);
   surface->has_alpha = true;
   surface->alpha.value = is_mask ? (factor >= cutoff ? 1.0f : 0.0f) : factor;
-  if (Uses(texture, what + ", opacity")) {
+  if (Uses(what + ", opacity", surface->area_light == kNone, &texture)) {
     surface->alpha.texture = textures_->Channel(
         texture, 3, factor, is_mask ? std::optional<float>(cutoff) : std::nullopt,
         what + ", opacity");
@@ -114,14 +149,14 @@ void Materials::SetOpacity(const tinygltf::Material& source, const std::string& 
   }
 }
 
-void Materials::AddLight(Rgb radiance, const TextureRef& texture, const std::string& what,
+void Materials::AddLight(Rgb radiance, TextureRef texture, const std::string& what,
                          const tinygltf::Material& source, Surface* surface) {
   if (radiance.IsBlack()) return;
   AreaLightDescription light;
   light.location = kFile;
   light.two_sided = source.doubleSided;
   light.radiance = Color(radiance);
-  if (Uses(texture, what)) {
+  if (Uses(what, false, &texture)) {
     if (!textures_->SetEmission(texture, what, &light)) return;
     light.radiance = Color(Rgb::Gray(1));
     // A gray factor is a scale, so that lights of one image share it.
@@ -160,7 +195,8 @@ void Materials::SetUnlit(const tinygltf::Material& source, const std::string& wh
 }
 
 Surface Materials::Make(const tinygltf::Material& source, const std::string& what) {
-  uv_set_ = -1;
+  uv_set_ = FirstSetOf(source);
+  second_uv_set_ = -1;
   Surface surface;
   MaterialDescription description;
   description.name = source.name;
@@ -172,18 +208,20 @@ Surface Materials::Make(const tinygltf::Material& source, const std::string& wha
   if (is_unlit) {
     SetUnlit(source, what, &surface, &material);
   } else {
-    SetBase(source, what, &surface, &material);
+    SetBase(source, what, &material);
     SetLayers(source, what, &material);
+    SetSpecularGlossiness(source, what, &material);
     SetEmission(source, what, &surface);
     const tinygltf::NormalTextureInfo& info = source.normalTexture;
-    const TextureRef normals = RefOf(info.index, info.texCoord, info.extensions);
-    if (Uses(normals, what + ", normal map")) {
+    TextureRef normals = RefOf(info.index, info.texCoord, info.extensions);
+    if (Uses(what + ", normal map", false, &normals)) {
       description.normal_map = textures_->NormalMap(normals, what + ", normal map");
       if (std::isfinite(info.scale)) description.normal_scale = static_cast<float>(info.scale);
     }
   }
   SetOpacity(source, what, &surface);
-  surface.uv_set = std::max(uv_set_, 0);
+  surface.uv_sets = {std::max(uv_set_, 0), second_uv_set_};
+  NoteDispersion(source, what, material);
   surface.material = static_cast<int32_t>(scene_->materials.size());
   description.material = std::move(material);
   scene_->materials.push_back(std::move(description));

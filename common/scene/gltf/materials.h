@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "common/scene/gltf/image_textures.h"
+#include "common/scene/gltf/meshes.h"
 #include "common/scene/gltf/skipped_parts.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
@@ -24,7 +25,7 @@ struct Surface {
   int32_t material = kNone, area_light = kNone;
   FloatInput alpha{.value = 1};
   bool has_alpha = false;
-  int uv_set = 0;  // The TEXCOORD that its textures use.
+  UvSets uv_sets = {};  // Which TEXCOORDs its textures use.
 };
 
 class Materials {
@@ -42,15 +43,19 @@ class Materials {
   // have colors, which multiply the base color. Made once for each; mistakes are reported.
   const Surface& Get(int index, bool has_colors);
 
+  // Makes glass that disperses a dielectric of the spectrum of its index. Call once, at the end:
+  // what is inside of the glass follows from the principled material.
+  void MakeDispersive();
+
  private:
   Surface Make(const tinygltf::Material& source, const std::string& what);
-  void SetBase(const tinygltf::Material& source, const std::string& what, Surface* surface,
+  void SetBase(const tinygltf::Material& source, const std::string& what,
                PrincipledMaterial* material);
   void SetOpacity(const tinygltf::Material& source, const std::string& what, Surface* surface);
   void SetEmission(const tinygltf::Material& source, const std::string& what, Surface* surface);
   void SetUnlit(const tinygltf::Material& source, const std::string& what, Surface* surface,
                 PrincipledMaterial* material);
-  void AddLight(Rgb radiance, const TextureRef& texture, const std::string& what,
+  void AddLight(Rgb radiance, TextureRef texture, const std::string& what,
                 const tinygltf::Material& source, Surface* surface);
   // material_layers.cc: what the extensions describe.
   void SetLayers(const tinygltf::Material& source, const std::string& what,
@@ -59,6 +64,11 @@ class Materials {
                        PrincipledMaterial* material);
   void SetSpecular(const tinygltf::Material& source, const std::string& what,
                    PrincipledMaterial* material);
+  void SetSpecularGlossiness(const tinygltf::Material& source, const std::string& what,
+                             PrincipledMaterial* material);
+  // Whether the material, which will be the next one of the scene, is glass that disperses.
+  void NoteDispersion(const tinygltf::Material& source, const std::string& what,
+                      const PrincipledMaterial& material);
   void SetIridescence(const tinygltf::Material& source, const std::string& what,
                       PrincipledMaterial* material);
 
@@ -66,10 +76,14 @@ class Materials {
   void TimesVertexColor(const std::string& what, ColorInput* input);
   void TimesVertexAlpha(const std::string& what, FloatInput* input);
   int32_t AddVertexColor(const std::string& what, VertexColorTexture texture, bool is_color);
-  // Whether a texture's reference can be used; only if its uv is that of the others.
-  bool Uses(const TextureRef& ref, const std::string& what);
-  FloatInput Number(float factor, const TextureRef& ref, int channel, const std::string& what);
-  ColorInput ColorTimes(Rgb factor, const TextureRef& ref, const std::string& what);
+  // The set of uv that textures use which cannot be of the second one: -1 if there is none.
+  static int FirstSetOf(const tinygltf::Material& source);
+  // Whether a texture's reference can be used, whose mapping becomes that of its set of uv.
+  // Vertices with colors have no second set, and neither has what counts at sampled points of
+  // lights.
+  bool Uses(const std::string& what, bool may_be_second, TextureRef* ref);
+  FloatInput Number(float factor, TextureRef ref, int channel, const std::string& what);
+  ColorInput ColorTimes(Rgb factor, TextureRef ref, const std::string& what);
   void Ignore(const std::string& what, const std::string& problem) { skipped_->Add(what, problem); }
 
   const tinygltf::Model* model_;
@@ -80,7 +94,10 @@ class Materials {
   std::map<std::pair<int, bool>, Surface> known_;
   // Whether the vertices of the material that is being made have colors.
   bool has_colors_ = false;
-  int uv_set_ = -1;  // The set of the material that is being made; -1 until a texture is used.
+  // Materials of the scene, and their dispersion.
+  std::vector<std::pair<int32_t, double>> dispersive_;
+  // The sets of the material that is being made; -1 until a texture is used.
+  int uv_set_ = -1, second_uv_set_ = -1;
 };
 
 }  // namespace sheaf::gltf

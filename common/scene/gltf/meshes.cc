@@ -75,7 +75,39 @@ bool Meshes::ReadColors(int accessor, const std::string& what, TriangleMesh* mes
   return true;
 }
 
-bool Meshes::ReadVertices(const tinygltf::Primitive& source, int uv_set, const std::string& what,
+bool Meshes::ReadUvs(const tinygltf::Primitive& source, int set, size_t count,
+                     const std::string& what, std::vector<Vec2f>* uvs) {
+  const std::string name = absl::StrCat("TEXCOORD_", set);
+  const int accessor = AttributeOf(source.attributes, name);
+  if (accessor < 0) {
+    if (set > 0) {
+      skipped_->Add(what, absl::StrCat("there is no ", name,
+                                       ", which the material's textures use; they are placed by "
+                                       "triangles"));
+    }
+    return true;
+  }
+  const std::string uv_what = absl::StrCat(what, ", ", name);
+  const std::optional<std::vector<float>> numbers = accessors_->Floats(accessor, 2, uv_what);
+  if (!numbers || !HasCount(numbers->size() / 2, count, uv_what)) return false;
+  uvs->resize(count);
+  // The file's v points downwards.
+  for (size_t i = 0; i < count; ++i) (*uvs)[i] = {(*numbers)[2 * i], 1 - (*numbers)[2 * i + 1]};
+  return true;
+}
+
+bool Meshes::ReadTangents(int accessor, const std::string& what, TriangleMesh* mesh) {
+  const std::optional<std::vector<float>> numbers = accessors_->Floats(accessor, 4, what);
+  const size_t count = mesh->positions.size();
+  if (!numbers || !HasCount(numbers->size() / 4, count, what)) return false;
+  mesh->tangents.resize(count);
+  for (size_t i = 0; i < count; ++i) {
+    mesh->tangents[i] = {(*numbers)[4 * i], (*numbers)[4 * i + 1], (*numbers)[4 * i + 2]};
+  }
+  return true;
+}
+
+bool Meshes::ReadVertices(const tinygltf::Primitive& source, UvSets sets, const std::string& what,
                           TriangleMesh* mesh) {
   const int positions = AttributeOf(source.attributes, "POSITION");
   std::optional<std::vector<Vec3f>> read = Vectors(positions, 0, what + ", POSITION");
@@ -87,26 +119,16 @@ bool Meshes::ReadVertices(const tinygltf::Primitive& source, int uv_set, const s
     if (!read) return false;
     mesh->normals = *std::move(read);
   }
-  const std::string uv_name = absl::StrCat("TEXCOORD_", uv_set);
-  if (const int uvs = AttributeOf(source.attributes, uv_name); uvs >= 0) {
-    const std::string uv_what = absl::StrCat(what, ", ", uv_name);
-    const std::optional<std::vector<float>> numbers = accessors_->Floats(uvs, 2, uv_what);
-    if (!numbers || !HasCount(numbers->size() / 2, count, uv_what)) return false;
-    mesh->uvs.resize(count);
-    // The file's v points downwards.
-    for (size_t i = 0; i < count; ++i) {
-      mesh->uvs[i] = {(*numbers)[2 * i], 1 - (*numbers)[2 * i + 1]};
-    }
-  } else if (uv_set > 0) {
-    skipped_->Add(what, absl::StrCat("there is no ", uv_name,
-                                     ", which the material's textures use; they are placed by "
-                                     "triangles"));
-  }
+  if (!ReadUvs(source, sets.first, count, what, &mesh->uvs)) return false;
   if (const int colors = AttributeOf(source.attributes, "COLOR_0"); colors >= 0) {
     if (!ReadColors(colors, what + ", COLOR_0", mesh)) return false;
+  } else if (sets.second >= 0) {
+    std::vector<Vec2f> uvs;
+    if (!ReadUvs(source, sets.second, count, what, &uvs)) return false;
+    for (const Vec2f uv : uvs) mesh->colors.push_back({uv.x, uv.y, 1, 1});
   }
-  if (AttributeOf(source.attributes, "TANGENT") >= 0) {
-    skipped_->Add(what, "tangents (TANGENT) have no effect: Sheaf takes them from the uv");
+  if (const int tangents = AttributeOf(source.attributes, "TANGENT"); tangents >= 0) {
+    if (!ReadTangents(tangents, what + ", TANGENT", mesh)) return false;
   }
   return true;
 }
@@ -233,7 +255,7 @@ std::optional<Primitive> Meshes::Read(const Key& key, const std::string& what) {
     return std::nullopt;
   }
   Primitive primitive;
-  if (!ReadVertices(source, key.uv_set, what, &primitive.mesh) ||
+  if (!ReadVertices(source, key.sets, what, &primitive.mesh) ||
       !ReadTriangles(source, what, &primitive.mesh) || !ReadTargets(source, what, &primitive) ||
       !ReadInfluences(source, what, &primitive)) {
     return std::nullopt;
@@ -245,8 +267,8 @@ std::optional<Primitive> Meshes::Read(const Key& key, const std::string& what) {
   return primitive;
 }
 
-const Primitive* Meshes::Get(int mesh, size_t primitive, int uv_set) {
-  const Key key{mesh, primitive, uv_set};
+const Primitive* Meshes::Get(int mesh, size_t primitive, UvSets sets) {
+  const Key key{mesh, primitive, sets};
   const auto [entry, is_new] = known_.try_emplace(key);
   if (is_new) {
     const std::string what =

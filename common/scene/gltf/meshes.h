@@ -37,8 +37,15 @@ struct Primitive {
   std::vector<float> weights;
 };
 
+// Numbers of TEXCOORDs: of uv, and of a second set in place of colors (UvMapping::kSecondUv), if it
+// is not -1.
+struct UvSets {
+  int first = 0, second = -1;
+  auto operator<=>(const UvSets&) const = default;
+};
+
 inline uint64_t BytesOf(const TriangleMesh& mesh) {
-  return (mesh.positions.size() + mesh.normals.size()) * sizeof(Vec3f) +
+  return (mesh.positions.size() + mesh.normals.size() + mesh.tangents.size()) * sizeof(Vec3f) +
          mesh.uvs.size() * sizeof(Vec2f) + mesh.colors.size() * sizeof(VertexColor) +
          mesh.indices.size() * sizeof(uint32_t);
 }
@@ -55,19 +62,24 @@ class Meshes {
         triangles_left_(limits.triangles_max) {}
 
   // Null if there is nothing to draw: after an error, which is reported, and for points and lines,
-  // with a note. uv_set: which TEXCOORD becomes its uv. Read once for each set.
-  const Primitive* Get(int mesh, size_t primitive, int uv_set);
+  // with a note. sets: which TEXCOORDs become its uv. Read once for each pair.
+  const Primitive* Get(int mesh, size_t primitive, UvSets sets);
 
  private:
   struct Key {
     int mesh;
     size_t primitive;
-    int uv_set;
+    UvSets sets;
     auto operator<=>(const Key&) const = default;
   };
   std::optional<Primitive> Read(const Key& key, const std::string& what);
-  bool ReadVertices(const tinygltf::Primitive& source, int uv_set, const std::string& what,
+  bool ReadVertices(const tinygltf::Primitive& source, UvSets sets, const std::string& what,
                     TriangleMesh* mesh);
+  // One vector for each vertex, none if the primitive has no such set.
+  bool ReadUvs(const tinygltf::Primitive& source, int set, size_t count, const std::string& what,
+               std::vector<Vec2f>* uvs);
+  // Tangents' fourth number, the side of v, follows from the uv.
+  bool ReadTangents(int accessor, const std::string& what, TriangleMesh* mesh);
   bool ReadColors(int accessor, const std::string& what, TriangleMesh* mesh);
   bool ReadTriangles(const tinygltf::Primitive& source, const std::string& what,
                      TriangleMesh* mesh);
