@@ -6,6 +6,7 @@ tiles of images, mixed and added shaders, points within meshes, failures of sing
 
 Run: meaning_test.py. Needs numpy.
 """
+import dataclasses
 import io
 import math
 import os
@@ -21,6 +22,7 @@ import numpy
 
 import settings_document
 from sheaf_blender import passes
+from sheaf_blender.export import placed_nodes, texture_nodes
 from sheaf_blender.scene import (closures, containment, frame_size, image_pixels, materials,
                                  pixel_ops, report, settings_table, settings_without_effect,
                                  sphere_map, text, units, values)
@@ -30,6 +32,59 @@ RED, WHITE = materials.diffuse((0.8, 0.1, 0.1)), materials.diffuse((0.8, 0.8, 0.
 IMAGE = values.ImageValue("image")
 RESOLUTIONS = ((300, 200), (1280, 720), (800, 600), (1920, 1080), (3840, 2160), (4096, 1716),
                (160, 120), (1, 1), (7, 5), (1080, 1920))
+
+
+NODE = values.NodeValue("noise", (("scale", 3.0), ("dimensions", 2.0)), "world",
+                        tuple(map(float, numpy.diag((2.0, 4.0, 1.0, 1.0)).ravel())),
+                        wants_color=True)
+
+
+class NodeValueTest(unittest.TestCase):
+    def written(self, value, as_color):
+        file = io.StringIO()
+        table = materials.TextureTable(text.SceneText(file), None)
+        return table.parameter("reflectance", value, as_color), file.getvalue()
+
+    def test_nodes_are_textures_in_their_space(self):
+        parameter, scene = self.written(NODE, True)
+        self.assertEqual(parameter, {"texture reflectance": "t1"})
+        self.assertIn("Transform [0.5 0 0 0 0 0.25 0 0 0 0 1 0 0 0 0 1]", scene)
+        self.assertIn('Texture "t1" "spectrum" "node" "string node" "noise" '
+                      '"string from" "position" "float scale" 3 "float dimensions" 2', scene)
+
+    def test_operations_become_a_ramp_over_the_factor(self):
+        doubled = values.apply(values.gray(NODE), "multiply", 2.0, 2.0, 2.0)
+        self.assertTrue(doubled.is_simplified)
+        parameter, scene = self.written(doubled, False)
+        self.assertEqual(parameter, {"texture reflectance": "t2"})
+        self.assertIn('Texture "t1" "float" "node"', scene)
+        ramp = scene.splitlines()[-1]
+        self.assertIn('"texture input" "t1" "float positions" [0 ', ramp)
+        self.assertTrue(ramp.endswith(" 2]"), ramp)
+
+    def test_a_factor_as_a_color_is_gray(self):
+        _, scene = self.written(dataclasses.replace(NODE, wants_color=False), True)
+        self.assertIn('"float positions" [0 1] "float colors" [0 0 0 1 1 1]', scene)
+
+    def test_places_of_objects_have_materials_of_their_own(self):
+        node = dataclasses.replace(NODE, space="generated", matrix=tuple(
+            map(float, numpy.identity(4).ravel())))
+        shading = materials.diffuse(values.MixValue(node, RED.colors, 0.5))
+        part = types.SimpleNamespace(shading=shading)
+        moved = numpy.identity(4)
+        moved[0, 3] = 10.0
+        found = placed_nodes.in_world_space(node, ((1.0, 2.0, 3.0), (0.5, 2.0, 0.0)), moved)
+        self.assertEqual(found.space, "world")
+        matrix = numpy.array(found.matrix).reshape(4, 4)
+        # The corners of the box, 10 to the right, are those of the unit cube.
+        numpy.testing.assert_allclose(matrix @ (10.5, 0.0, 3.0, 1.0), (0, 0, 0.5, 1))
+        numpy.testing.assert_allclose(matrix @ (11.5, 4.0, 4.0, 1.0), (1, 1, 1, 1))
+        self.assertEqual(values.nodes_of(part.shading), [node])
+
+    def test_rotations_turn_about_x_first(self):
+        turned = texture_nodes.rotation_matrix((math.pi / 2, 0.0, math.pi / 2))
+        numpy.testing.assert_allclose(turned @ (0, 1, 0), (0, 0, 1), atol=1e-12)
+        numpy.testing.assert_allclose(turned @ (1, 0, 0), (0, 1, 0), atol=1e-12)
 
 
 class FrameSizeTest(unittest.TestCase):

@@ -35,6 +35,8 @@ class Geometry:
     may_deform: bool = False
     may_move: bool = True
     smoke: object = None         # A smoke.Smoke inside the mesh.
+    # Center and half size of the box of Generated coordinates, in the object's space.
+    texture_space: tuple = ((0.0,) * 3, (1.0,) * 3)
 
 
 @dataclasses.dataclass
@@ -163,6 +165,7 @@ class Collector:
                 radius = max(radius, float((arrays.positions.astype(float)**2).sum(axis=1).max()))
                 parts.append(self._part(shadings[slot], arrays, may_deform))
             found = Geometry(name, parts, radius**0.5, may_deform=may_deform, may_move=may_move)
+            found.texture_space = _texture_space(mesh)
             found.smoke = smoke.read(instance_object, shadings[0], self._report)
             if found.smoke is not None:
                 found.may_deform = found.may_move = False
@@ -275,6 +278,12 @@ class Collector:
             return None
         return VolumeObject(stored, corners, shading,
                             getattr(volume.render, "space", "OBJECT") == "OBJECT")
+
+
+def _texture_space(mesh):
+    """Its names until Blender 3.4 had no underscore between words."""
+    return tuple(tuple(getattr(mesh, f"texspace_{part}", None) or (usual,) * 3)
+                 for part, usual in (("location", 0.0), ("size", 1.0)))
 
 
 def _geometry_key(instance_object, kind, seen):

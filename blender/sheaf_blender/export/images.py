@@ -131,6 +131,8 @@ class Images:
         if isinstance(value, values.ImageValue):
             pixels = self.pixels(value)
             return 0.5 if pixels is None else float(pixels.mean())
+        if isinstance(value, values.NodeValue):
+            return float(values.node_ramp(value)[1].mean())
         if isinstance(value, values.ScaleValue):
             return self.mean(value.value) * self.mean(value.factor)
         amount = self.mean(value.amount) if isinstance(value, values.MixValue) else 0.5

@@ -3,7 +3,7 @@
 """Values of sockets: constants, images, and what nodes make of them."""
 from ..scene import image_pixels, pixel_ops, values
 from ..scene.closures import PINK
-from . import node_links
+from . import node_links, texture_nodes
 
 RAMP_SAMPLES = 257
 CURVE_SAMPLES = 257
@@ -30,6 +30,9 @@ class NodeValues:
         reader = _READERS.get(place.node.type)
         value = self._memory.read(place, output, lambda: (
             reader(self, place, output) if reader else self.read_other(place, output)), None)
+        if any(node.is_simplified for node in values.nodes_of(value)):
+            self._report.approximated(self.item, "a node behind the color of a texture node: its "
+                                                 "factor is used")
         if value is None:
             self._report.left_out(self.item, f'node "{place.node.name}" ({place.node.bl_label}) '
                                              f'behind "{wanted.socket.name}"; a constant is used')
@@ -38,7 +41,10 @@ class NodeValues:
 
     def read_other(self, place, output):
         """The value of a node that materials do not have; None if it has no counterpart."""
-        return None
+        return texture_nodes.read(self, place, output)
+
+    def note(self, text):
+        self._report.approximated(self.item, text)
 
     def number(self, wanted, usual=0.0):
         """A constant; a texture is replaced by its mean, and reported."""

@@ -8,7 +8,7 @@ import numpy
 
 from ..scene import closures, materials, values
 from ..scene.text import parameters_text
-from . import inside_of, lights, motion, smoke
+from . import inside_of, lights, motion, placed_nodes, smoke
 from .collector import Geometry
 
 _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
@@ -27,7 +27,7 @@ class SceneWriter:
 
     def write(self, geometries, moved):
         """moved: a motion.Motion; None without motion blur."""
-        for geometry in geometries:
+        for geometry in (placed for each in geometries for placed in placed_nodes.by_place(each)):
             if not geometry.parts and not geometry.strands and geometry.medium_grid is None:
                 continue
             names = [self._prepare(part.shading) for part in geometry.parts]

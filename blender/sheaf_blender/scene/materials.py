@@ -3,6 +3,8 @@
 """Materials as values, and the tables that write each texture and each material once."""
 import dataclasses
 
+import numpy
+
 from . import values
 
 
@@ -120,7 +122,14 @@ class TextureTable:
             return self._names[key]
         kind, parameters = self._class_of(value, as_color)
         name = f"t{len(self._names) + 1}"
-        self._text.directive("Texture", name, "spectrum" if as_color else "float", kind, parameters)
+        type_name = "spectrum" if as_color else "float"
+        if kind == "node":
+            self._text.directive("AttributeBegin")
+            self._text.transform("Transform", numpy.linalg.inv(_rows(value.matrix)))
+            self._text.directive("Texture", name, type_name, kind, parameters)
+            self._text.directive("AttributeEnd")
+        else:
+            self._text.directive("Texture", name, type_name, kind, parameters)
         self._names[key] = name
         return name
 
@@ -133,6 +142,8 @@ class TextureTable:
             return "imagemap", {"string filename": found[0], "string encoding": found[1],
                                 "string wrap": value.wrap, "string filter": value.filter,
                                 **mapping(value.mapping)}
+        if isinstance(value, values.NodeValue):
+            return self._node(value, as_color)
         if isinstance(value, values.ScaleValue):
             return "scale", {**self.parameter("tex", value.value, as_color),
                              **self.parameter("scale", value.factor, False)}
@@ -141,6 +152,26 @@ class TextureTable:
         if isinstance(value, values.MixValue):
             return "mix", {**parts, **self.parameter("amount", value.amount, False)}
         return "checkerboard", {**parts, **mapping(value.mapping)}
+
+
+    def _node(self, value, as_color):
+        """A node itself, or a ramp over its factor."""
+        if not value.operations and as_color == value.wants_color:
+            place = "uv" if value.space == "uv" else "position"
+            return "node", {"string node": value.node, "string from": place,
+                            **{("string " if isinstance(x, str) else "float ") + name: x
+                               for name, x in value.parameters}}
+        factor = dataclasses.replace(value, operations=(), wants_color=False, is_simplified=False)
+        positions, colors = values.node_ramp(value)
+        colors = numpy.clip(colors, 0.0, None) if as_color else colors
+        return "ramp", {"texture input": self._texture(factor, False),
+                        "float positions": tuple(map(float, positions)),
+                        **({"float colors": tuple(map(float, colors.ravel()))} if as_color else
+                           {"float values": tuple(float(values.gray(tuple(c))) for c in colors)})}
+
+
+def _rows(numbers):
+    return numpy.array(numbers, numpy.float64).reshape(4, 4)
 
 
 def mapping(scale_and_offset):

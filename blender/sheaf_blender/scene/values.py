@@ -1,6 +1,6 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Values of material inputs: numbers, colors, and textures made of images, scales and mixes.
+"""Values of material inputs: numbers, colors, and textures made of images, nodes, scales and mixes.
 
 A constant is a float or a tuple of three floats (linear Rec.709). Operations on constants are
 computed at once; operations on images are noted in the image and applied when it is written
@@ -45,6 +45,31 @@ class CheckerValue:
     mapping: tuple = (1.0, 1.0, 0.0, 0.0)
 
 
+@dataclasses.dataclass(frozen=True)
+class NodeValue:
+    """A texture node of Blender that the renderer computes."""
+    node: str          # The name that Sheaf has for it.
+    parameters: tuple  # ((name, value), ...) of the texture class "node".
+    space: str         # Where its places are: "uv", "world", "object" or "generated".
+    matrix: tuple      # 16 numbers by rows: from there to the texture's space.
+    reach: tuple = (0.0, 1.0)    # Least and greatest of its factor.
+    wants_color: bool = False    # Whether its color counts, not its factor.
+    operations: tuple = ()       # ((name, arguments), ...) of pixel_ops on the factor.
+    is_simplified: bool = False  # Whether its color was replaced by its factor.
+
+
+RAMP_STOPS = 257
+
+
+def node_ramp(value):
+    """(positions, colors) of what the operations make of the node's factor."""
+    low, high = value.reach
+    count = RAMP_STOPS if value.operations else 2
+    at = [low + (high - low) * i / (count - 1) for i in range(count)]
+    pixels = numpy.repeat(numpy.array(at, numpy.float64)[:, None], 3, axis=1)
+    return at, pixel_ops.run(pixels, value.operations)
+
+
 def is_constant(value):
     return isinstance(value, (int, float, tuple))
 
@@ -53,6 +78,10 @@ def is_color(value):
     if isinstance(value, tuple):
         return True
     if isinstance(value, ImageValue):
+        return not any(name in pixel_ops.GRAY for name, _ in value.operations)
+    if isinstance(value, NodeValue):
+        if not value.operations:
+            return value.wants_color
         return not any(name in pixel_ops.GRAY for name, _ in value.operations)
     if isinstance(value, ScaleValue):
         return is_color(value.value)
@@ -73,6 +102,31 @@ def gray(value):
     return apply(value, "gray") if is_color(value) else value
 
 
+def nodes_of(value):
+    """All NodeValues within a value, a material or any other of these dataclasses."""
+    if isinstance(value, NodeValue):
+        return [value]
+    if isinstance(value, tuple):
+        return [node for part in value for node in nodes_of(part)]
+    if dataclasses.is_dataclass(value):
+        return [node for field in dataclasses.fields(value)
+                for node in nodes_of(getattr(value, field.name))]
+    return []
+
+
+def with_nodes(value, change):
+    """The same with change(node) in place of each NodeValue within."""
+    if isinstance(value, NodeValue):
+        return change(value)
+    if isinstance(value, tuple):
+        return tuple(with_nodes(part, change) for part in value)
+    if dataclasses.is_dataclass(value):
+        return dataclasses.replace(value, **{
+            field.name: with_nodes(getattr(value, field.name), change)
+            for field in dataclasses.fields(value)})
+    return value
+
+
 def largest(value):
     """An upper bound of a constant's channels; 1 for textures."""
     return max(color(value)) if is_constant(value) else 1.0
@@ -89,6 +143,10 @@ def apply(value, name, *arguments):
         return result[0] if is_number and len(set(result)) == 1 else result
     if isinstance(value, ImageValue):
         return dataclasses.replace(value, operations=value.operations + ((name, arguments),))
+    if isinstance(value, NodeValue):
+        return dataclasses.replace(value, operations=value.operations + ((name, arguments),),
+                                   wants_color=False,
+                                   is_simplified=value.is_simplified or value.wants_color)
     if isinstance(value, ScaleValue):
         if name == "multiply":
             return ScaleValue(apply(value.value, name, *arguments), value.factor)

@@ -16,6 +16,7 @@ import scenes
 import scenes_findings
 import scenes_meaning
 import scenes_more
+import scenes_patterns
 
 BOUNCES = 16
 
@@ -25,7 +26,8 @@ def build(name, folder):
     if name.startswith("handled"):
         random_scenes.handled(int(name[7:]))(builder)
         return builder.scene
-    module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning)
+    module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning,
+                                    scenes_patterns)
                   if hasattr(module, name))
     getattr(module, name)(builder)
     return builder.scene

@@ -40,6 +40,8 @@ FINDINGS = (
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
     "shutter_curve")
+PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",
+            "patterns_ramp")
 RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # From random_scenes.HandledScene.
 MEAN_DIFFERENCE_MAX = 0.03  # Fraction of each channel's mean.
 EXPORT_SECONDS_MAX = 10.0
@@ -134,7 +136,7 @@ def pictures(bench, compare):
     failed = []
     subprocess.run(["/usr/bin/python3", HERE / "make_cloud.py", bench.folder / "cloud.vdb"],
                    check=True)
-    for scene in bench.arguments.only or SCENES + FINDINGS:
+    for scene in bench.arguments.only or SCENES + FINDINGS + PATTERNS:
         print(scene, flush=True)
         try:
             said = bench.run(scene, "sheaf", bench.arguments.samples,

@@ -1,0 +1,121 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes of texture nodes: one node on each tile of a wall, in several coordinates."""
+import math
+
+# Type of node, its attributes, its inputs, the output that is seen.
+NODES = (
+    ("Noise", {}, {}, "Fac"),
+    ("Noise", {}, {"Scale": 3, "Detail": 4.5, "Roughness": 0.7, "Distortion": 1.5}, "Color"),
+    ("Noise", {"noise_dimensions": "2D"}, {"Scale": 8, "Detail": 0}, "Color"),
+    ("Voronoi", {}, {}, "Distance"),
+    ("Voronoi", {"feature": "F2", "distance": "MANHATTAN"}, {"Randomness": 0.7}, "Distance"),
+    ("Voronoi", {"feature": "SMOOTH_F1"}, {"Smoothness": 0.8}, "Color"),
+    ("Voronoi", {"feature": "DISTANCE_TO_EDGE"}, {"Scale": 4}, "Distance"),
+    ("Voronoi", {"voronoi_dimensions": "2D", "distance": "CHEBYCHEV"}, {}, "Color"),
+    ("Wave", {}, {"Scale": 2, "Distortion": 4, "Detail": 3}, "Fac"),
+    ("Wave", {"wave_type": "RINGS", "rings_direction": "SPHERICAL", "wave_profile": "SAW"},
+     {"Scale": 1, "Phase Offset": 1}, "Color"),
+    ("Wave", {"bands_direction": "DIAGONAL", "wave_profile": "TRI"}, {"Scale": 1}, "Fac"),
+    ("Magic", {}, {"Scale": 2}, "Color"),
+    ("Magic", {"turbulence_depth": 5}, {"Distortion": 1.5}, "Fac"),
+    ("Brick", {}, {"Scale": 4}, "Color"),
+    ("Brick", {"squash": 1.5, "offset": 0.3, "offset_frequency": 3},
+     {"Scale": 3, "Mortar Size": 0.05, "Bias": -0.3}, "Color"),
+    ("Gradient", {"gradient_type": "RADIAL"}, {}, "Fac"),
+    ("Gradient", {"gradient_type": "SPHERICAL"}, {}, "Color"),
+    ("Gradient", {"gradient_type": "EASING"}, {}, "Fac"),
+    ("Musgrave", {}, {"Detail": 4}, "Fac"),
+    ("Musgrave", {"musgrave_type": "RIDGED_MULTIFRACTAL"}, {"Offset": 0.9, "Gain": 2}, "Fac"),
+    ("Musgrave", {"musgrave_type": "MULTIFRACTAL"}, {"Dimension": 1}, "Fac"),
+    ("Musgrave", {"musgrave_type": "HYBRID_MULTIFRACTAL"}, {"Offset": 0.3}, "Fac"),
+    ("Musgrave", {"musgrave_type": "HETERO_TERRAIN"}, {"Offset": 0.2, "Detail": 3.5}, "Fac"),
+    ("WhiteNoise", {}, {}, "Color"))
+COLUMNS = 6
+
+
+def node_of(b, nodes, kind, attributes, inputs):
+    node = nodes.new(f"ShaderNodeTex{kind}")
+    for name, value in attributes.items():
+        setattr(node, name, value)
+    b.fill(node, inputs)
+    return node
+
+
+def painted(b, name, index, coordinates, behind=None):
+    """A diffuse material of the node. coordinates: (node tree's nodes, links) -> output or None."""
+    kind, attributes, inputs, output = NODES[index]
+    material, nodes, links, surface = b.empty_material(name)
+    texture, shader = node_of(b, nodes, kind, attributes, inputs), nodes.new(
+        "ShaderNodeBsdfDiffuse")
+    place = coordinates(nodes, links)
+    if place is not None:
+        links.new(place, texture.inputs["Vector"])
+    color = texture.outputs[output]
+    if behind is not None:
+        color = behind(nodes, links, color)
+    links.new(color, shader.inputs["Color"])
+    links.new(shader.outputs[0], surface.inputs["Surface"])
+    return material
+
+
+def wall(b, coordinates, behind=None):
+    """All nodes, on tiles that face the camera."""
+    rows = math.ceil(len(NODES) / COLUMNS)
+    b.camera((0, -14, 0), (0, 0, 0), 50)
+    b.background(1.0)
+    for i in range(len(NODES)):
+        tile = b.plane(1.9, painted(b, f"Node {i}", i, coordinates, behind))
+        tile.name = f"Tile {i}"
+        tile.location = (2.1 * (i % COLUMNS - (COLUMNS - 1) / 2), 0,
+                         2.1 * ((rows - 1) / 2 - i // COLUMNS))
+        tile.rotation_euler = (math.pi / 2, 0, 0)
+
+
+def mapped(kind, output, rotation):
+    def coordinates(nodes, links):
+        place, mapping = nodes.new(kind), nodes.new("ShaderNodeMapping")
+        mapping.inputs["Location"].default_value = (0.3, -0.2, 0.1)
+        mapping.inputs["Rotation"].default_value = rotation
+        mapping.inputs["Scale"].default_value = (1.5, 0.8, 1.2)
+        links.new(place.outputs[output], mapping.inputs["Vector"])
+        return mapping.outputs[0]
+    return coordinates
+
+
+def ramp(nodes, links, color):
+    node = nodes.new("ShaderNodeValToRGB")
+    node.color_ramp.elements[0].position, node.color_ramp.elements[1].position = 0.3, 0.7
+    node.color_ramp.elements[0].color = (0.8, 0.1, 0.05, 1)
+    node.color_ramp.elements[1].color = (0.1, 0.3, 0.7, 1)
+    links.new(color, node.inputs["Fac"])
+    return node.outputs["Color"]
+
+
+def patterns_generated(b):
+    wall(b, lambda nodes, links: None)
+
+
+def patterns_object(b):
+    wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)))
+
+
+def patterns_uv(b):
+    wall(b, mapped("ShaderNodeTexCoord", "UV", (0, 0, 0.6)))
+
+
+def patterns_position(b):
+    wall(b, mapped("ShaderNodeNewGeometry", "Position", (0.2, 0, 0)))
+
+
+def patterns_ramp(b):
+    """Without nodes whose Color is not gray: a ramp takes its luminance, Sheaf the factor."""
+    for i, (kind, _, _, output) in enumerate(NODES):
+        if output == "Color" and kind not in ("Wave", "Gradient"):
+            continue
+        tile = b.plane(1.9, painted(b, f"Node {i}", i, lambda nodes, links: None, ramp))
+        tile.name = f"Tile {i}"
+        tile.location = (2.1 * (i % COLUMNS - (COLUMNS - 1) / 2), 0, 2.1 * (1.5 - i // COLUMNS))
+        tile.rotation_euler = (math.pi / 2, 0, 0)
+    b.camera((0, -14, 0), (0, 0, 0), 50)
+    b.background(1.0)
