@@ -16,6 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/duration.h"
+#include "cli/error_text.h"
 
 namespace sheaf::cli {
 namespace {
@@ -95,7 +96,7 @@ std::string FormatProgress(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   std::string text = absl::StrFormat("%.1f %%", 100 * FractionDone(progress));
   if (progress.relative_mse() > 0) {
-    absl::StrAppend(&text, absl::StrFormat(", error (relMSE) %.1e", progress.relative_mse()));
+    absl::StrAppend(&text, ", error ", FormatPixelError(progress.relative_mse()));
   }
   const double wall_seconds = Seconds(progress.wall_duration());
   // Samples from a resumed image were rendered earlier.

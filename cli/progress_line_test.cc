@@ -37,7 +37,7 @@ TEST(ProgressLineTest, OmitsUnknownValues) {
   job.set_waiting_reason("no worker");
   job.mutable_progress()->set_nonfinite_count(3);
   EXPECT_EQ(FormatProgress(job),
-            "50.0 %, error (relMSE) 1.2e-02, 250 samples/s, 0:42 left; waiting: no worker; "
+            "50.0 %, error ±11 %, 250 samples/s, 0:42 left; waiting: no worker; "
             "3 samples are not finite");
 }
 

@@ -9,6 +9,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "cli/commands/farm_command.h"
+#include "cli/error_text.h"
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
 #include "cli/message.h"
@@ -109,9 +110,9 @@ class ListCommand : public FarmCommand {
         continue;
       }
       const double error = job.progress().relative_mse();
-      std::printf("%-12s %-10s %6.1f%%  %-10s %-12s %-12s %s\n", job.name().c_str(),
+      std::printf("%-12s %-10s %6.1f%%  %-11s %-12s %-12s %s\n", job.name().c_str(),
                   JobStateName(job.state()).c_str(), 100 * FractionDone(job.progress()),
-                  error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+                  error > 0 ? FormatPixelError(error).c_str() : "- ",
                   Printable(job.owner()).c_str(), Printable(job.show()).c_str(),
                   absl::StrCat(Printable(job.title()), job.pinned() ? "  (pinned)" : "").c_str());
       if (!job.waiting_reason().empty()) {

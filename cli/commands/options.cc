@@ -13,6 +13,7 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/time/time.h"
+#include "cli/commands/error_option.h"
 #include "cli/commands/format_options.h"
 #include "cli/commands/stereo_option.h"
 #include "common/base/label.h"
@@ -308,8 +309,10 @@ void AddStopOptions(CLI::App* command, StopArguments* stop) {
   const OptionGroup group(command, "When to stop");
   command
       ->add_option("--target-error", stop->target_error,
-                   "Stop when the image's relMSE is at most this, with 95 % confidence; sampling "
-                   "is adaptive, with at most --samples per pixel (65536)")
+                   "Stop when the typical error of a pixel is at most this, e.g. 5%, with 95 % "
+                   "confidence; a number without % is relMSE, the square (0.0025). Sampling is "
+                   "adaptive, with at most --samples per pixel (65536)")
+      ->transform(PercentAsRelativeMse())
       ->check(CheckPositive);
   command->add_option_function<std::string>(
       "--time", [stop](const std::string& text) { stop->seconds = ParseSeconds(text); },

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "cli/duration.h"
+#include "cli/error_text.h"
 #include "cli/progress_line.h"
 #include "common/scene/settings/techniques.h"
 #include "coordinator/core/frame/sample_rounds.h"
@@ -27,7 +28,7 @@ std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered
     absl::StrAppend(&text, ", ", rate(progress.ray_count()), " rays/s");
   }
   if (progress.relative_mse() > 0) {
-    absl::StrAppend(&text, absl::StrFormat(", relMSE %.1e", progress.relative_mse()));
+    absl::StrAppend(&text, ", error ", FormatBothErrors(progress.relative_mse()));
   }
   if (flip > 0) absl::StrAppend(&text, absl::StrFormat(", FLIP %.2g", flip));
   absl::StrAppend(&text, ", ", progress.nonfinite_count(), " non-finite");

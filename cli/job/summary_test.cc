@@ -31,7 +31,7 @@ v1::Frame DeliveredFrame() {
 TEST(SummaryTest, ReportsPathAndCost) {
   EXPECT_EQ(FormatImageSummary(DeliveredFrame(), {"out.exr", ""}),
             "out.exr: 640x360, 128 samples, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, "
-            "relMSE 2.1e-03, 0 non-finite");
+            "error ±4.6 % (relMSE 0.0021), 0 non-finite");
   EXPECT_TRUE(FormatImageSummary(DeliveredFrame(), {"out.exr", "out.png"})
                   .starts_with("out.exr and out.png: 640x360"));
 }
@@ -50,7 +50,8 @@ TEST(SummaryTest, ResumedSamplesHaveNoRate) {
 TEST(SummaryTest, ReportsFlipBesideTheError) {
   v1::Frame frame = DeliveredFrame();
   frame.set_flip(0.0421);
-  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}).find("relMSE 2.1e-03, FLIP 0.042, 0 non"),
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
+                .find("error ±4.6 % (relMSE 0.0021), FLIP 0.042, 0 non"),
             std::string::npos);
 }
 
@@ -116,9 +117,10 @@ TEST(SummaryTest, JobSummarySumsItsFrames) {
   job.set_name("jobs/7");
   *job.mutable_progress() = Costs();
   for (int i = 0; i < 3; ++i) job.add_frames();
-  EXPECT_EQ(FormatJobSummary(job),
-            "jobs/7: 3 frames, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, relMSE 2.1e-03, "
-            "0 non-finite");
+  EXPECT_EQ(
+      FormatJobSummary(job),
+      "jobs/7: 3 frames, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, error ±4.6 % (relMSE 0.0021), "
+      "0 non-finite");
 }
 
 }  // namespace

@@ -91,6 +91,17 @@ class ClientTest(ClientCase):
             self.assertIn(f"did you mean {guess}?", done.stderr)
             self.assertEqual(done.stderr.count("\n"), 1)
 
+    def test_errors_are_given_in_percent(self):
+        """300 % of a pixel are a relMSE of 9."""
+        scene, images = self.write("percent.pbrt", SCENE), []
+        for target in ("300%", "9"):
+            images.append(self.farm.path(f"target {target}.exr"))
+            done = self.expect(run("render", scene, "--target-error", target, "-o", images[-1]), OK)
+            self.assertIn("error ±", done.stdout + done.stderr)
+        self.assertEqual(*map(farm.image_digest, images))
+        wrong = self.expect(run("render", scene, "--target-error", "5%%"), USAGE)
+        self.assertIn('--target-error: "5%%" is not a number', wrong.stderr)
+
     def test_json_flag_makes_errors_json(self):
         scene = self.write("wrong.pbrt", SCENE + "Nonsense\nMaterial 7\n")
         cases = ((["render", "--json", "--sample", 4, scene], USAGE, "--samples"),
@@ -167,9 +178,9 @@ class ClientTest(ClientCase):
         for number, digest in enumerate(digests, start=1):
             path = self.farm.path("out", f"t.{number:04d}.exr")
             self.assertEqual(farm.image_digest(path), digest)
-            # "t.0001.exr: 80x60, 4 samples, 0.3 s, 60 k samples/s, 200 k rays/s, relMSE 1e-2, ..."
+            # "t.0001.exr: 80x60, 4 samples, 0.3 s, 60 k samples/s, 200 k rays/s, error ±14 % ..."
             self.assertRegex(done.stderr, re.escape(path) + r": 80x60, 4 samples, \d+\.\d s, "
-                             r"\S+ \w?\s?samples/s, \S+ \w?\s?rays/s, relMSE \S+, "
+                             r"\S+ \w?\s?samples/s, \S+ \w?\s?rays/s, error ±\S+ % \(relMSE \S+\), "
                              r"FLIP \S+, 0 non-finite")
         self.assertRegex(done.stderr, r"\"message\":\"jobs/\d+: 3 frames, \d+\.\d s")
 
