@@ -28,40 +28,49 @@
 namespace sheaf::cli {
 namespace {
 
-std::vector<std::unique_ptr<Command>> MakeCommands() {
+struct CommandGroup {
+  const char* title;
   std::vector<std::unique_ptr<Command>> commands;
-  commands.push_back(MakeRenderCommand());
-  commands.push_back(MakeQuoteCommand());
-  commands.push_back(MakeSubmitCommand());
-  commands.push_back(MakeWatchCommand());
-  commands.push_back(MakeListCommand());
-  commands.push_back(MakeShowCommand());
-  commands.push_back(MakeRefineCommand());
-  commands.push_back(MakePauseCommand());
-  commands.push_back(MakeResumeCommand());
-  commands.push_back(MakePriorityCommand());
-  commands.push_back(MakeCancelCommand());
-  commands.push_back(MakeRetryCommand());
-  commands.push_back(MakeKillCommand());
-  commands.push_back(MakeBundleCommand());
-  commands.push_back(MakeReproCommand());
-  commands.push_back(MakeWorkersCommand());
-  commands.push_back(MakeShareCommand());
-  commands.push_back(MakePinCommand());
-  commands.push_back(MakeUnpinCommand());
-  commands.push_back(MakeReleaseCommand());
-  commands.push_back(MakeApproveCommand());
-  commands.push_back(MakeDrainCommand());
-  commands.push_back(MakeUndrainCommand());
-  commands.push_back(MakeGcCommand());
-  commands.push_back(MakeUsageCommand());
-  commands.push_back(MakePlanCommand());
-  commands.push_back(MakeStudyCommand());
-  commands.push_back(MakeCompareCommand());
-  commands.push_back(MakeLoginCommand());
-  commands.push_back(MakePageCommand());
-  commands.push_back(MakeCompletionCommand());
-  return commands;
+};
+
+template <typename... Commands>
+CommandGroup Group(const char* title, Commands... commands) {
+  CommandGroup group{title, {}};
+  (group.commands.push_back(std::move(commands)), ...);
+  return group;
+}
+
+// In the order of the help.
+std::vector<CommandGroup> MakeCommands() {
+  std::vector<CommandGroup> groups;
+  groups.push_back(Group("Render on this machine", MakeRenderCommand(), MakeQuoteCommand(),
+                         MakePlanCommand(), MakeStudyCommand(), MakeCompareCommand()));
+  groups.push_back(Group("Render on a farm", MakeSubmitCommand(), MakeWatchCommand(),
+                         MakeListCommand(), MakeShowCommand(), MakeRefineCommand()));
+  groups.push_back(Group("Change jobs", MakePauseCommand(), MakeResumeCommand(),
+                         MakePriorityCommand(), MakeCancelCommand(), MakeReleaseCommand(),
+                         MakeApproveCommand(), MakePinCommand(), MakeUnpinCommand()));
+  groups.push_back(Group("Failed work", MakeRetryCommand(), MakeKillCommand(), MakeBundleCommand(),
+                         MakeReproCommand()));
+  groups.push_back(Group("Look after a farm", MakeWorkersCommand(), MakeDrainCommand(),
+                         MakeUndrainCommand(), MakeShareCommand(), MakeUsageCommand(),
+                         MakeGcCommand()));
+  groups.push_back(
+      Group("Access and shell", MakeLoginCommand(), MakePageCommand(), MakeCompletionCommand()));
+  return groups;
+}
+
+// "sheaf help [COMMAND]" and "sheaf version" as options, which the parser knows.
+std::vector<char*> WithWordsAsOptions(int argc, char** argv) {
+  static char help[] = "--help", version[] = "--version";
+  std::vector<char*> words(argv, argv + argc);
+  const std::string_view first = argc > 1 ? argv[1] : "";
+  if (first == "version" && argc == 2) words[1] = version;
+  if (first == "help" && argc <= 3) {
+    words.erase(words.begin() + 1);
+    words.push_back(help);
+  }
+  return words;
 }
 
 // Checked before the command line is parsed, since parse errors are printed as JSON too.
@@ -79,16 +88,21 @@ ExitCode Main(int argc, char** argv) {
   CLI::App app("Renders scenes with one path tracer on any number of machines.", "sheaf");
   app.set_version_flag("--version", absl::StrCat("sheaf " SHEAF_VERSION ", ", DescribeProtocol()));
   app.require_subcommand(1);
-  app.footer(std::string("sheaf COMMAND --help explains a command, with examples.\n") +
+  app.footer(std::string("sheaf help COMMAND explains a command, with examples.\n") +
              kExitCodeHelp);
-  const std::vector<std::unique_ptr<Command>> commands = MakeCommands();
+  const std::vector<CommandGroup> groups = MakeCommands();
   std::vector<std::pair<CLI::App*, Command*>> added;
-  for (const std::unique_ptr<Command>& command : commands) {
-    added.emplace_back(command->AddTo(&app), command.get());
+  for (const CommandGroup& group : groups) {
+    for (const std::unique_ptr<Command>& command : group.commands) {
+      added.emplace_back(command->AddTo(&app), command.get());
+      added.back().first->group(group.title);
+    }
   }
+  std::vector<char*> words = WithWordsAsOptions(argc, argv);
   if (RequestsJson(argc, argv)) UseJsonMessages();
   const auto report = [](const std::string& text) { PrintError(ExitCode::kUsage, text); };
-  if (const std::optional<int> code = ParseCommandLine(&app, argc, argv, report)) {
+  if (const std::optional<int> code =
+          ParseCommandLine(&app, static_cast<int>(words.size()), words.data(), report)) {
     return static_cast<ExitCode>(*code);
   }
   for (const auto& [parsed, command] : added) {

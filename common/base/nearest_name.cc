@@ -11,7 +11,8 @@
 namespace sheaf {
 namespace {
 
-constexpr size_t kNameBytesMax = 64;  // Longer names are not worth the quadratic comparison.
+constexpr size_t kPrefixBytesMin = 3;  // Without dashes.
+constexpr size_t kNameBytesMax = 64;   // Longer names are not worth the quadratic comparison.
 
 // Levenshtein distance, the number of single-byte edits from a to b; at most `limit`.
 // Requires: neither is longer than kNameBytesMax.
@@ -35,10 +36,27 @@ size_t EditDistance(std::string_view a, std::string_view b, size_t limit) {
   return std::min(row[b.size()], limit);
 }
 
+// The shortest of the candidates that the name begins; null if there is none.
+const std::string* ShortestWithPrefix(std::string_view name,
+                                      const std::vector<std::string>& candidates) {
+  if (name.size() < kPrefixBytesMin + std::min(name.find_first_not_of('-'), name.size())) {
+    return nullptr;
+  }
+  const std::string* best = nullptr;
+  for (const std::string& candidate : candidates) {
+    if (!std::string_view(candidate).starts_with(name)) continue;
+    if (best == nullptr || candidate.size() < best->size()) best = &candidate;
+  }
+  return best;
+}
+
 }  // namespace
 
 std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates) {
   if (name.size() > kNameBytesMax) return "";
+  if (const std::string* whole = ShortestWithPrefix(name, candidates)) {
+    return absl::StrCat("; did you mean \"", *whole, "\"?");
+  }
   const std::string* best = nullptr;
   size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
   for (const std::string& candidate : candidates) {

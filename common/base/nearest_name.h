@@ -10,7 +10,7 @@
 
 namespace sheaf {
 
-// "; did you mean \"radius\"?" if a candidate is close to name, otherwise "".
+// "; did you mean \"radius\"?" if a candidate begins with the name or is close to it, otherwise "".
 std::string NearestNameHint(std::string_view name, const std::vector<std::string>& candidates);
 
 }  // namespace sheaf

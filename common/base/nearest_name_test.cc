@@ -13,6 +13,9 @@ TEST(NearestNameTest, SuggestsTheNearestName) {
   EXPECT_EQ(NearestNameHint("difuse", names), "; did you mean \"diffuse\"?");
   EXPECT_EQ(NearestNameHint("--sample", names), "; did you mean \"--samples\"?");
   EXPECT_EQ(NearestNameHint("nonsense", names), "");
+  EXPECT_EQ(NearestNameHint("--prio", {"--ocio", "--priority-group", "--priority"}),
+            "; did you mean \"--priority\"?");
+  EXPECT_EQ(NearestNameHint("--f", {"--frames"}), "") << "too short to say";
   EXPECT_EQ(NearestNameHint("render", {}), "");
   EXPECT_EQ(NearestNameHint(std::string(1000, 'x'), names), "") << "too long to compare";
 }

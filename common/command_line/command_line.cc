@@ -20,8 +20,8 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/string_view.h"
-#include "common/base/nearest_name.h"
 #include "common/base/printable.h"
+#include "common/command_line/name_hint.h"
 
 namespace sheaf {
 namespace {
@@ -193,7 +193,7 @@ std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
     if (std::filesystem::exists(*option, ignored)) {
       return absl::StrCat(*option, ": is read as an option; write the file's name as ./", *option);
     }
-    return absl::StrCat("unknown option ", name, NearestNameHint(name, OptionNames(command)));
+    return absl::StrCat("unknown option ", name, NameHint(name, OptionNames(command)));
   }
   const bool lacks_command = &command == &app && !app.get_subcommands({}).empty();
   if (lacks_command && (!left.empty() || IsAbout<CLI::RequiredError>(error))) {
@@ -201,8 +201,7 @@ std::string Explain(const CLI::App& app, const CLI::ParseError& error) {
     for (const CLI::App* known : app.get_subcommands({})) names.push_back(known->get_name());
     if (left.empty())
       return absl::StrCat("a command is missing; the commands are ", absl::StrJoin(names, ", "));
-    return absl::StrCat("unknown command \"", left.front(), "\"",
-                        NearestNameHint(left.front(), names));
+    return absl::StrCat("unknown command \"", left.front(), "\"", NameHint(left.front(), names));
   }
   if (!left.empty()) return absl::StrCat("\"", left.front(), "\" is an unexpected argument");
   return ExplainValue(command, error);
@@ -341,7 +340,7 @@ CLI::Validator IsOneOf(std::vector<std::string> words) {
       [words = std::move(words)](const std::string& text) -> std::string {
         if (std::find(words.begin(), words.end(), text) != words.end()) return "";
         return absl::StrCat("\"", Printable(text), "\" is not one of ", absl::StrJoin(words, ", "),
-                            NearestNameHint(text, words));
+                            NameHint(text, words));
       },
       notation);
 }
@@ -389,7 +388,7 @@ CLI::Option* AddChoiceOf(CLI::App* command, const std::string& names,
             }
             throw CLI::ValidationError(
                 names, absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
-                                    NearestNameHint(text, words)));
+                                    NameHint(text, words)));
           },
           help)
       ->type_name(type);

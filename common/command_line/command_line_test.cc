@@ -174,6 +174,7 @@ TEST_F(CommandLineTest, SuggestsNearestNames) {
   EXPECT_THAT(Parse({"render", "a.pbrt", "--tile-sise", "4"}),
               HasSubstr("unknown option --tile-sise; did you mean \"--tile-size\"?"));
   EXPECT_THAT(Parse({"render", "--tile-sise=4", "a.pbrt"}), HasSubstr("\"--tile-size\""));
+  EXPECT_THAT(Parse({"render", "--expo", "4", "a.pbrt"}), HasSubstr("\"--exposure\""));
   EXPECT_THAT(Parse({}), HasSubstr("a command is missing; the commands are render, refine"));
   EXPECT_THAT(Parse({"render"}), HasSubstr("SCENE"));
   EXPECT_THAT(Parse({"render", "a.pbrt", "b.pbrt"}),

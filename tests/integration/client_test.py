@@ -77,6 +77,15 @@ class ClientTest(ClientCase):
                 self.assertIn(words, done.stdout)
                 self.assertFalse([w for w in notation if w in done.stdout])
 
+    def test_help_and_version_are_words_too(self):
+        listed = self.expect(run("help"), OK).stdout
+        self.assertEqual(listed, run("--help").stdout)
+        for heading in ("Render on this machine:", "Render on a farm:", "Change jobs:"):
+            self.assertIn(heading, listed)
+        self.assertEqual(self.expect(run("help", "render"), OK).stdout,
+                         run("render", "--help").stdout)
+        self.assertEqual(self.expect(run("version"), OK).stdout, run("--version").stdout)
+
     def test_mistyped_words_get_suggestions(self):
         """Regression: `sheaf rendr` reported "A subcommand is required", `--sample 4` an extra
         SCENE.
