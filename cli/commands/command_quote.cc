@@ -84,7 +84,7 @@ class QuoteCommand : public Command {
       const absl::StatusOr<std::shared_ptr<grpc::Channel>> channel = OpenFarmChannel(coordinator_);
       if (!channel.ok()) return ReportCallError(channel.status());
       FarmClient client(*channel, coordinator_.address, interruption.token());
-      return QuoteOn(&client, *job);
+      return QuoteOn(&client, *job, nullptr);
     }
     SetLogName("sheaf quote");
     SetLogLevel(LogLevel::kWarning);
@@ -94,12 +94,13 @@ class QuoteCommand : public Command {
       return ReportError(ExitCode::kFile, status);
     }
     FarmClient client((*farm)->channel(), "this process", interruption.token());
-    return QuoteOn(&client, *job);
+    return QuoteOn(&client, *job, (*farm)->blobs());
   }
 
  private:
-  ExitCode QuoteOn(FarmClient* client, const PreparedJob& job) {
-    if (absl::Status status = UploadMissing(client, job); !status.ok()) {
+  // own: as for UploadMissing.
+  ExitCode QuoteOn(FarmClient* client, const PreparedJob& job, const BlobStore* own) {
+    if (absl::Status status = UploadMissing(client, job, own); !status.ok()) {
       return ReportCallError(status);
     }
     const absl::StatusOr<Quote> quote = MakeQuote(client, arguments_, job, asked_);

@@ -84,7 +84,7 @@ class RenderCommand : public Command {
   ExitCode RenderOn(LocalFarm* farm, const PreparedJob& job, const Delivery& delivery,
                     const Interruption& interruption) {
     FarmClient client(farm->channel(), "this process", interruption.token());
-    if (absl::Status status = UploadMissing(&client, job); !status.ok()) {
+    if (absl::Status status = UploadMissing(&client, job, farm->blobs()); !status.ok()) {
       return ReportCallError(status);
     }
     const absl::StatusOr<v1::Job> created =

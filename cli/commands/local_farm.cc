@@ -149,7 +149,7 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
   farm->server_ = *std::move(server);
   farm->channel_ = farm->server_->InProcessChannel();
   farm->options_.worker.cache_directory = absl::StrCat(farm->state_->path(), "/cache");
-  farm->options_.worker.cache_lender = absl::StrCat(farm->state_->path(), "/content");
+  farm->options_.worker.cache_lender = farm->blobs();
   farm->options_.worker.grace = std::chrono::milliseconds(0);
   return farm;
 }

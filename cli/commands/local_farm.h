@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "absl/status/statusor.h"
+#include "common/content/blob_store.h"
 #include "coordinator/service/server/coordinator_server.h"
 #include "worker/service/embedded_worker.h"
 
@@ -31,6 +32,8 @@ class LocalFarm {
   LocalFarm& operator=(const LocalFarm&) = delete;
 
   std::shared_ptr<grpc::Channel> channel() { return channel_; }
+  // The store of the coordinator.
+  const BlobStore* blobs() const { return &server_->farm().blobs(); }
   std::string http_url() const { return server_->http_url(); }
   // Keeps the folder, so that a later run can resume with it as LocalFarmOptions::kept_state.
   // Returns its path.

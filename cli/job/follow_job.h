@@ -13,11 +13,18 @@
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
 #include "cli/job/prepared_job.h"
+#include "common/content/blob_store.h"
 
 namespace sheaf::cli {
 
-// Uploads the blobs that the coordinator lacks, several concurrently, and shows the progress.
-absl::Status UploadMissing(FarmClient* client, const PreparedJob& job);
+// Uploads the blobs that the coordinator lacks, several concurrently, and shows the progress. own:
+// the store of a coordinator in this process, which is written without messages; null: it is
+// elsewhere.
+absl::Status UploadMissing(FarmClient* client, const PreparedJob& job,
+                           const BlobStore* own = nullptr);
+// Writes the blob, whose bytes are hashed on the way. Errors: those of BlobWriter;
+// kFailedPrecondition if its file has changed.
+absl::Status StoreBlob(const BlobStore& store, const BlobSource& blob);
 
 // Where and how a job's images are written on this machine.
 struct Delivery {

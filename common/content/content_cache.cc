@@ -112,14 +112,6 @@ absl::StatusOr<std::unique_ptr<ContentCache>> ContentCache::Open(const std::stri
       BlobStore::Open(absl::StrCat(directory, "/blobs"));
   if (!blobs.ok()) return blobs.status();
   std::unique_ptr<ContentCache> cache(new ContentCache(directory, limits, *std::move(blobs)));
-  if (!limits.lender.empty()) {
-    // Links to its blobs are absolute.
-    std::error_code error;
-    const std::string lender = fs::absolute(limits.lender, error).string();
-    blobs = BlobStore::Open(error ? limits.lender : lender);
-    if (!blobs.ok()) return blobs.status();
-    cache->lender_ = *std::move(blobs);
-  }
   absl::StatusOr<FileDescriptor> lock = cache->LockCache();
   if (!lock.ok()) return lock.status();
   cache->FreeDeadLeases();
@@ -224,7 +216,8 @@ absl::Status ContentCache::MakeRoom(uint64_t missing_bytes, uint64_t scene_bytes
 
 const BlobStore* ContentCache::StoreOf(const BlobDigest& digest) const {
   if (blobs_->StateOf(digest).ok()) return blobs_.get();
-  return lender_ != nullptr && lender_->StateOf(digest).ok() ? lender_.get() : nullptr;
+  const BlobStore* const lender = limits_.lender;
+  return lender != nullptr && lender->StateOf(digest).ok() ? lender : nullptr;
 }
 
 absl::Status ContentCache::Link(const std::vector<ManifestFile>& files,
@@ -235,10 +228,11 @@ absl::Status ContentCache::Link(const std::vector<ManifestFile>& files,
   const absl::StatusOr<FileState> state = store->StateOf(digest);
   if (!state.ok()) return absl::NotFoundError(state.status().message());
   // Relative to DIR/leases/ID/K.
+  std::error_code error;
   const std::string blob =
       store == blobs_.get()
           ? absl::StrCat("../../../blobs/", digest.sha256_hex.substr(0, 2), "/", digest.sha256_hex)
-          : store->FinalPath(digest);
+          : fs::absolute(store->FinalPath(digest), error).string();
   for (const size_t i : indices) {
     const std::string path = absl::StrCat(lease->directory_, "/", LinkName(i, files[i].name));
     if (::symlink(blob.c_str(), path.c_str()) != 0 && errno != EEXIST) {
@@ -298,7 +292,7 @@ absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFil
     if (same.empty()) total_bytes += files[i].digest.size_bytes;
     same.push_back(i);
   }
-  if (total_bytes > limits_.bytes_max && lender_ == nullptr) {
+  if (total_bytes > limits_.bytes_max && limits_.lender == nullptr) {
     return WithShortage(absl::ResourceExhaustedError(
                             absl::StrCat("the scene's files have ", total_bytes,
                                          " bytes, more than the content cache's limit of ",
@@ -310,7 +304,8 @@ absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFil
     // downloaded again below.
     const BlobDigest& digest = files[indices.front()].digest;
     absl::Status present = blobs_->PathOf(digest).status();
-    if (!present.ok() && lender_ != nullptr) present = lender_->PathOf(digest).status();
+    if (!present.ok() && limits_.lender != nullptr)
+      present = limits_.lender->PathOf(digest).status();
     if (absl::IsUnavailable(present) || absl::IsPermissionDenied(present)) return present;
   }
   absl::StatusOr<ContentLease> lease = AcquireAll(files, by_digest, total_bytes, fetch, stop);

@@ -39,8 +39,9 @@ struct ContentCacheLimits {
   uint64_t bytes_max = uint64_t{20} << 30;  // For all blobs, including those in progress.
   // Free bytes that stay on the file system for others, at most 1 / kCacheFreeFractionMax of it.
   uint64_t free_bytes_min = uint64_t{64} << 20;
-  // A BlobStore's folder, whose blobs are used where they lie instead of being fetched; or empty.
-  std::string lender = {};
+  // A store whose blobs are used where they lie instead of being fetched, and which outlives the
+  // cache; or null.
+  const BlobStore* lender = nullptr;
 };
 inline constexpr uint64_t kCacheFreeFractionMax = 20;
 
@@ -133,7 +134,6 @@ class ContentCache {
   const std::string directory_;
   const ContentCacheLimits limits_;
   const std::unique_ptr<BlobStore> blobs_;
-  std::unique_ptr<BlobStore> lender_;  // Null: there is none.
   std::shared_ptr<ContentLease::Folder> lease_folder_;
   Mutex mutex_;
   uint64_t lease_count_ ABSL_GUARDED_BY(mutex_) = 0;

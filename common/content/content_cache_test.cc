@@ -158,17 +158,16 @@ TEST_F(ContentCacheTest, AnErrorOfADiskThatFillsIsAShortage) {
 TEST_F(ContentCacheTest, UsesTheBlobsOfALenderWhereTheyLie) {
   const std::string lender = directory_ + "-lender";
   std::filesystem::remove_all(lender);
-  {
-    const auto store = BlobStore::Open(lender);
-    ASSERT_TRUE(store.ok() && (*store)->Put("lent").ok());
-  }
-  const auto cache = ContentCache::Open(directory_, {.bytes_max = 2, .lender = lender});
+  const auto store = BlobStore::Open(lender);
+  ASSERT_TRUE(store.ok() && (*store)->Put("lent").ok());
+  const auto cache = ContentCache::Open(directory_, {.bytes_max = 2, .lender = store->get()});
   ASSERT_TRUE(cache.ok());
   const std::vector<ManifestFile> files = {File("a.pbrt", "lent")};
   const absl::StatusOr<ContentLease> lease = (*cache)->Acquire(files, FromOrigin(), {});
   ASSERT_TRUE(lease.ok()) << lease.status();
   EXPECT_EQ(fetch_count_, 0);
   EXPECT_EQ(*ReadWholeFile(lease->local_paths().at("a.pbrt")), "lent");
+  EXPECT_EQ((*store)->digest_count(), 0) << "the lender knows its bytes";
   EXPECT_TRUE((*cache)->CheckUnchanged(*lease).ok());
   EXPECT_FALSE((*cache)->blobs().PathOf(files[0].digest).ok()) << "there is no second copy";
   std::filesystem::remove_all(lender);

@@ -33,7 +33,7 @@ struct WorkerOptions {
   int32_t thread_count = 0;                  // 0: as many as this process may use.
   std::string cache_directory;
   uint64_t cache_bytes_max = uint64_t{20} << 30;
-  std::string cache_lender;  // ContentCacheLimits::lender.
+  const BlobStore* cache_lender = nullptr;  // ContentCacheLimits::lender.
   uint64_t scene_memory_bytes_max = uint64_t{4} << 30;
   uint64_t texture_memory_bytes_max = uint64_t{512} << 20;
   int32_t leases_ahead = 2;
