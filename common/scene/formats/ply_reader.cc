@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <memory>
 #include <utility>
 
@@ -15,31 +16,15 @@
 #include "common/scene/formats/number.h"
 #include "common/scene/formats/ply_faces.h"
 #include "common/scene/formats/ply_header.h"
+#include "common/scene/formats/ply_slots.h"
 #include "common/scene/vertex_rounding.h"
 
 namespace sheaf {
 namespace {
 
 constexpr double kIndexMax = 4294967295.0;
-
-// Role of a vertex property in a mesh; kSkipped if it has none.
-enum Slot { kX, kY, kZ, kNormalX, kNormalY, kNormalZ, kU, kV, kSlotCount, kSkipped = kSlotCount };
-
-Slot SlotOf(const std::string& name) {
-  struct SlotName {
-    std::string_view name;
-    Slot slot;
-  };
-  static constexpr SlotName kNames[] = {
-      {"x", kX},         {"y", kY},         {"z", kZ},         {"nx", kNormalX},  {"ny", kNormalY},
-      {"nz", kNormalZ},  {"u", kU},         {"v", kV},         {"s", kU},         {"t", kV},
-      {"texture_u", kU}, {"texture_v", kV}, {"texture_s", kU}, {"texture_t", kV},
-  };
-  for (const SlotName& entry : kNames) {
-    if (entry.name == name) return entry.slot;
-  }
-  return kSkipped;
-}
+// The corners of a face that is read at once.
+constexpr uint64_t kFewCorners = 8;
 
 bool IsIndex(double value) {
   return value >= 0 && value <= kIndexMax && value == std::floor(value);
@@ -63,9 +48,12 @@ class PlyMeshReader {
   absl::Status ReadElement(const PlyElement& element);
   absl::Status CheckCount(const PlyElement& element) const;
   absl::Status ReadVertices(const PlyElement& element);
-  absl::Status ReadFaces(const PlyElement& element);
-  absl::Status ReadStrips(const PlyElement& element);
   absl::Status SkipRows(const PlyElement& element);
+  // Read the properties of a vertex into the slots of `values`; the first, of floats alone, at
+  // once.
+  bool ReadFloats(const std::vector<Slot>& slots, double* values);
+  bool ReadProperties(const std::vector<PlyProperty>& properties, const std::vector<Slot>& slots,
+                      double* values);
   absl::Status AppendVertex(uint64_t number, const double* values, bool has_normal, bool has_uv);
   absl::Status ReadPolygon(uint64_t face, const PlyProperty& property);
   absl::Status ReadStrip(uint64_t row, const PlyProperty& property);
@@ -105,8 +93,8 @@ absl::Status PlyMeshReader::Read() {
 
 absl::Status PlyMeshReader::ReadElement(const PlyElement& element) {
   if (element.name == "vertex" && !has_vertices_) return ReadVertices(element);
-  if (element.name == "face") return ReadFaces(element);
-  if (element.name == "tristrips") return ReadStrips(element);
+  if (element.name == "face") return ReadIndices(element, &PlyMeshReader::ReadPolygon);
+  if (element.name == "tristrips") return ReadIndices(element, &PlyMeshReader::ReadStrip);
   if (element.count > 0) {
     skipped_.push_back({element.line, element.count,
                         absl::StrCat("the element \"", element.name, "\" with "),
@@ -256,19 +244,43 @@ absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
   // CheckCount has bounded the count by the file's size; beyond this limit, the vectors grow.
   constexpr uint64_t kReserveMax = uint64_t{1} << 20;
   vertices_.Reserve(std::min(element.count, kReserveMax));
+  const bool is_floats = header_->format == PlyFormat::kLittleEndian &&
+                         slots.size() <= kSlotCount &&
+                         std::ranges::all_of(element.properties, [](const PlyProperty& property) {
+                           return !property.is_list && property.type == PlyType::kFloat32;
+                         });
   for (uint64_t i = 0; i < element.count; ++i) {
     std::array<double, kSlotCount + 1> values{};
-    for (size_t j = 0; j < slots.size(); ++j) {
-      const PlyProperty& property = element.properties[j];
-      const bool is_read =
-          property.is_list ? SkipProperty(property) : ReadScalar(property.type, &values[slots[j]]);
-      if (!is_read) return Stopped("vertex", i);
-    }
+    const bool is_read = is_floats ? ReadFloats(slots, values.data())
+                                   : ReadProperties(element.properties, slots, values.data());
+    if (!is_read) return Stopped("vertex", i);
     if (absl::Status status = AppendVertex(i, values.data(), has_normal, has_uv); !status.ok()) {
       return status;
     }
   }
   return absl::OkStatus();
+}
+
+bool PlyMeshReader::ReadFloats(const std::vector<Slot>& slots, double* values) {
+  const unsigned char* bytes = bytes_->ReadBytes(slots.size() * sizeof(float));
+  if (bytes == nullptr) return false;
+  for (size_t i = 0; i < slots.size(); ++i) {
+    float value;
+    std::memcpy(&value, bytes + i * sizeof value, sizeof value);
+    values[slots[i]] = static_cast<double>(value);
+  }
+  return true;
+}
+
+bool PlyMeshReader::ReadProperties(const std::vector<PlyProperty>& properties,
+                                   const std::vector<Slot>& slots, double* values) {
+  for (size_t i = 0; i < slots.size(); ++i) {
+    const PlyProperty& property = properties[i];
+    const bool is_read =
+        property.is_list ? SkipProperty(property) : ReadScalar(property.type, &values[slots[i]]);
+    if (!is_read) return false;
+  }
+  return true;
 }
 
 absl::Status PlyMeshReader::AppendVertex(uint64_t number, const double* values, bool has_normal,
@@ -301,14 +313,6 @@ absl::Status PlyMeshReader::CheckMemory() const {
         "the mesh exceeds the limit of ", limits_.triangles_max, " triangles (triangles_max)"));
   }
   return absl::OkStatus();
-}
-
-absl::Status PlyMeshReader::ReadFaces(const PlyElement& element) {
-  return ReadIndices(element, &PlyMeshReader::ReadPolygon);
-}
-
-absl::Status PlyMeshReader::ReadStrips(const PlyElement& element) {
-  return ReadIndices(element, &PlyMeshReader::ReadStrip);
 }
 
 // Reads the list of indices of each row by `read`.
@@ -351,6 +355,21 @@ absl::Status PlyMeshReader::ReadPolygon(uint64_t face, const PlyProperty& proper
         absl::StrCat("face ", face, " has ", count, " vertices; a face needs at least 3"));
   }
   faces_.BeginPolygon();
+  if (header_->format == PlyFormat::kLittleEndian && count <= kFewCorners &&
+      (property.type == PlyType::kInt32 || property.type == PlyType::kUint32)) {
+    const unsigned char* bytes = bytes_->ReadBytes(count * sizeof(uint32_t));
+    if (bytes == nullptr) return Stopped("face", face);
+    for (uint64_t i = 0; i < count; ++i) {
+      uint32_t index;
+      std::memcpy(&index, bytes + i * sizeof index, sizeof index);
+      const auto as_signed = static_cast<int32_t>(index);
+      if (property.type == PlyType::kInt32 && as_signed < 0) {
+        return NoIndex("face", face, as_signed);
+      }
+      faces_.AddToPolygon(index);
+    }
+    return CheckMemory();
+  }
   for (uint64_t i = 0; i < count; ++i) {
     double value = 0;
     if (!ReadScalar(property.type, &value)) return Stopped("face", face);

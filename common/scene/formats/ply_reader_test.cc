@@ -99,6 +99,45 @@ TEST(PlyReaderTest, ReadsAsciiWithoutATrailingNewline) {
   EXPECT_TRUE(mesh->normals.empty());
 }
 
+// A triangle of float properties alone, whose rows are read at once where the bytes have this
+// order.
+std::string FloatTriangle(bool is_big_endian, int32_t last_index) {
+  std::string bytes =
+      std::string("ply\nformat ") + (is_big_endian ? "binary_big_endian" : "binary_little_endian") +
+      " 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+      "property float quality\nproperty float u\nproperty float v\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+  for (int i = 0; i < 3; ++i) {
+    const auto at = static_cast<float>(i);
+    for (const float value : {at, at * at, 2.5f, 9.f, at / 3, 1.f}) {
+      Append(&bytes, value, is_big_endian);
+    }
+  }
+  Append<uint8_t>(&bytes, 3, is_big_endian);
+  for (const int32_t index : {0, 1, last_index}) Append(&bytes, index, is_big_endian);
+  return bytes;
+}
+
+TEST(PlyReaderTest, RowsOfFloatsAreReadAsOthers) {
+  const auto read = [](const std::string& bytes) { return ReadPly(WriteMesh(bytes), {}); };
+  const auto at_once = read(FloatTriangle(false, 2)), one_by_one = read(FloatTriangle(true, 2));
+  ASSERT_TRUE(at_once.ok() && one_by_one.ok()) << at_once.status() << one_by_one.status();
+  EXPECT_EQ(at_once->mesh.positions, one_by_one->mesh.positions);
+  EXPECT_EQ(at_once->mesh.uvs, one_by_one->mesh.uvs);
+  EXPECT_EQ(at_once->mesh.uvs[2].x, 2 / 3.f);
+  EXPECT_EQ(at_once->mesh.indices, (std::vector<uint32_t>{0, 1, 2}));
+  EXPECT_EQ(at_once->skipped.size(), 1) << "the property `quality`";
+  for (const int32_t index : {-1, 3}) {
+    const absl::Status status = read(FloatTriangle(false, index)).status();
+    EXPECT_TRUE(absl::IsInvalidArgument(status)) << index;
+    EXPECT_EQ(status, read(FloatTriangle(true, index)).status());
+  }
+  const std::string whole = FloatTriangle(false, 2);
+  for (const size_t missing : {size_t{1}, size_t{12}, size_t{13}, size_t{30}}) {
+    EXPECT_FALSE(read(whole.substr(0, whole.size() - missing)).ok());
+  }
+}
+
 // Coordinates of a map, as double: float would keep halves of a unit of them.
 TEST(PlyReaderTest, G22CoordinatesOfMapsKeepTheirDigits) {
   for (const bool is_ascii : {false, true}) {
