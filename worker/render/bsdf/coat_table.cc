@@ -3,8 +3,10 @@
 #include "worker/render/bsdf/coat_table.h"
 
 #include <algorithm>
+#include <tuple>
 
 #include "worker/render/bsdf/facet_quadrature.h"
+#include "worker/render/bsdf/made_tables.h"
 
 namespace sheaf::render {
 namespace {
@@ -51,9 +53,7 @@ double Recapture(const Ggx& ggx, float eta, double thickness, double entered_ave
   return recapture;
 }
 
-}  // namespace
-
-CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness, bool keeps_energy) {
+CoatRow ComputeCoatRow(const Ggx& ggx, float eta, float thickness, bool keeps_energy) {
   CoatRow row;
   MuCurve entered;
   for (int i = 0; i < kMuNodeCount; ++i) {
@@ -72,6 +72,15 @@ CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness, bool keeps_energ
       static_cast<float>(keeps_energy ? Recapture(ggx, eta, thickness, entered.CosineAverage())
                                       : LossyRecapture(ggx, eta, thickness));
   return row;
+}
+
+}  // namespace
+
+CoatRow MakeCoatRow(const Ggx& ggx, float eta, float thickness, bool keeps_energy) {
+  using Key = std::tuple<float, float, float, float, bool>;
+  static auto& made = *new MadeTables<Key, CoatRow, kMadeRowsMax>();
+  return made.Get({ggx.alpha_x, ggx.alpha_y, eta, thickness, keeps_energy},
+                  [&] { return ComputeCoatRow(ggx, eta, thickness, keeps_energy); });
 }
 
 std::vector<CoatRow> MakeCoatTable(float eta, float thickness, bool keeps_energy) {

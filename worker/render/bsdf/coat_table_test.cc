@@ -7,6 +7,7 @@
 #include "gtest/gtest.h"
 #include "tests/support/bsdf_fixtures.h"
 #include "tests/support/chi_square.h"
+#include "worker/render/bsdf/made_tables.h"
 
 namespace sheaf::render {
 namespace {
@@ -165,6 +166,27 @@ TEST(EnergyTableTest, CurveAveragesAreExactForStraightLines) {
     curve.value[i] = 1 + static_cast<float>(i) / (kMuNodeCount - 1);  // 1 + sqrt(mu).
   }
   EXPECT_NEAR(curve.CosineAverage(), 1 + 0.8, 1e-6);
+}
+
+TEST(MadeTablesTest, MakesTheTableOfAKeyOnceUpToTheLimit) {
+  MadeTables<int, int, 2> tables;
+  int made = 0;
+  const auto get = [&](int key) { return tables.Get(key, [&] { return ++made, 10 * key; }); };
+  for (const int key : {1, 2, 1, 2, 3, 3}) EXPECT_EQ(get(key), 10 * key);
+  EXPECT_EQ(made, 4) << "the third is not kept";
+}
+
+TEST(MadeTablesTest, RowsDifferByEachInput) {
+  const CoatRow row = MakeCoatRow({0.2f, 0.2f}, 1.5f, 0.01f, true);
+  const auto differs = [&](const CoatRow& other) {
+    return other.enter.value != row.enter.value || other.recapture != row.recapture;
+  };
+  EXPECT_FALSE(differs(MakeCoatRow({0.2f, 0.2f}, 1.5f, 0.01f, true)));
+  EXPECT_TRUE(differs(MakeCoatRow({0.3f, 0.2f}, 1.5f, 0.01f, true)));
+  EXPECT_TRUE(differs(MakeCoatRow({0.2f, 0.3f}, 1.5f, 0.01f, true)));
+  EXPECT_TRUE(differs(MakeCoatRow({0.2f, 0.2f}, 1.4f, 0.01f, true)));
+  EXPECT_TRUE(differs(MakeCoatRow({0.2f, 0.2f}, 1.5f, 0.02f, true)));
+  EXPECT_TRUE(differs(MakeCoatRow({0.2f, 0.2f}, 1.5f, 0.01f, false)));
 }
 
 }  // namespace

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "worker/render/bsdf/facet_quadrature.h"
 #include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/made_tables.h"
 
 namespace sheaf::render {
 namespace {
@@ -389,8 +391,10 @@ float ConductorCoatRow::Tint(float reflectance) const {
   return low + (t - static_cast<float>(index)) * (high - low);
 }
 
-ConductorCoatRow MakeConductorCoatRow(const Ggx& interface, const Ggx& base, float eta,
-                                      float thickness, bool keeps_energy) {
+namespace {
+
+ConductorCoatRow ComputeConductorCoatRow(const Ggx& interface, const Ggx& base, float eta,
+                                         float thickness, bool keeps_energy) {
   ConductorCoatRow row;
   row.thickness = thickness;
   row.is_smooth = interface.IsSmooth() && base.IsSmooth();
@@ -404,6 +408,18 @@ ConductorCoatRow MakeConductorCoatRow(const Ggx& interface, const Ggx& base, flo
   if (!interface.IsSmooth()) FitHighlight(chain, entered, eta, &row);
   SetRest(chain, entered, eta, &row);
   return row;
+}
+
+}  // namespace
+
+ConductorCoatRow MakeConductorCoatRow(const Ggx& interface, const Ggx& base, float eta,
+                                      float thickness, bool keeps_energy) {
+  using Key = std::tuple<float, float, float, float, float, float, bool>;
+  static auto& made = *new MadeTables<Key, ConductorCoatRow, kMadeRowsMax>();
+  return made.Get(
+      {interface.alpha_x, interface.alpha_y, base.alpha_x, base.alpha_y, eta, thickness,
+       keeps_energy},
+      [&] { return ComputeConductorCoatRow(interface, base, eta, thickness, keeps_energy); });
 }
 
 }  // namespace sheaf::render

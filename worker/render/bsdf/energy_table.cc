@@ -3,9 +3,12 @@
 #include "worker/render/bsdf/energy_table.h"
 
 #include <algorithm>
+#include <tuple>
+#include <utility>
 
 #include "worker/render/bsdf/facet_quadrature.h"
 #include "worker/render/bsdf/fresnel.h"
+#include "worker/render/bsdf/made_tables.h"
 
 namespace sheaf::render {
 namespace {
@@ -156,10 +159,15 @@ InterfaceAlbedo IntegrateInterface(const Ggx& ggx, float mu, float eta, double t
 }
 
 ConductorEnergyRow MakeConductorEnergyRow(const Ggx& ggx) {
-  return {LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : MirrorLoss(ggx))};
+  static auto& made = *new MadeTables<std::pair<float, float>, ConductorEnergyRow, kMadeRowsMax>();
+  return made.Get({ggx.alpha_x, ggx.alpha_y}, [&] {
+    return ConductorEnergyRow{LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : MirrorLoss(ggx))};
+  });
 }
 
-DielectricEnergyRow MakeDielectricEnergyRow(const Ggx& ggx, float eta) {
+namespace {
+
+DielectricEnergyRow ComputeDielectricEnergyRow(const Ggx& ggx, float eta) {
   DielectricEnergyRow row;
   row.out = LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : InterfaceLoss(ggx, eta));
   row.in = LossLobe::Make(ggx.IsSmooth() ? MuCurve{} : InterfaceLoss(ggx, 1 / eta));
@@ -174,6 +182,15 @@ DielectricEnergyRow MakeDielectricEnergyRow(const Ggx& ggx, float eta) {
         static_cast<float>(crossing / (static_cast<double>(eta) * eta * row.in.average_loss));
   }
   return row;
+}
+
+}  // namespace
+
+DielectricEnergyRow MakeDielectricEnergyRow(const Ggx& ggx, float eta) {
+  using Key = std::tuple<float, float, float>;
+  static auto& made = *new MadeTables<Key, DielectricEnergyRow, kMadeRowsMax>();
+  return made.Get({ggx.alpha_x, ggx.alpha_y, eta},
+                  [&] { return ComputeDielectricEnergyRow(ggx, eta); });
 }
 
 std::vector<ConductorEnergyRow> MakeConductorEnergyTable() {

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <array>
+#include <tuple>
 
 #include "worker/render/bsdf/facet_quadrature.h"
+#include "worker/render/bsdf/made_tables.h"
 
 namespace sheaf::render {
 namespace {
@@ -217,20 +219,39 @@ PrincipledTable MakeTable(const PrincipledTableOptions& options, const AddRows& 
   return table;
 }
 
-}  // namespace
+// alpha: kAllAlphas for a table of all.
+constexpr Ggx kAllAlphas{-1, -1};
 
-PrincipledTable PrincipledTable::Make(const PrincipledTableOptions& options, const Ggx& ggx) {
+PrincipledTable ComputeTable(const PrincipledTableOptions& options, const Ggx& alpha) {
   return MakeTable(options, [&](const auto& maker, std::vector<PrincipledRow>* rows) {
-    rows->push_back(maker.Make(ggx));
-  });
-}
-
-PrincipledTable PrincipledTable::MakeForAllAlphas(const PrincipledTableOptions& options) {
-  return MakeTable(options, [&](const auto& maker, std::vector<PrincipledRow>* rows) {
+    if (alpha.alpha_x != kAllAlphas.alpha_x) {
+      rows->push_back(maker.Make(alpha));
+      return;
+    }
     for (int i = 0; i < kAlphaNodeCount; ++i) {
       rows->push_back(maker.Make({AlphaNode(i), AlphaNode(i)}));
     }
   });
+}
+
+// Tables of films are not kept: they are rare, and depend on much.
+PrincipledTable FindTable(const PrincipledTableOptions& options, const Ggx& alpha) {
+  if (options.film != nullptr) return ComputeTable(options, alpha);
+  using Key = std::tuple<float, float, float, bool, bool>;
+  static auto& made = *new MadeTables<Key, PrincipledTable, kMadeTablesMax>();
+  return made.Get(
+      {alpha.alpha_x, alpha.alpha_y, options.eta, options.refracts, options.keeps_energy},
+      [&] { return ComputeTable(options, alpha); });
+}
+
+}  // namespace
+
+PrincipledTable PrincipledTable::Make(const PrincipledTableOptions& options, const Ggx& ggx) {
+  return FindTable(options, ggx);
+}
+
+PrincipledTable PrincipledTable::MakeForAllAlphas(const PrincipledTableOptions& options) {
+  return FindTable(options, kAllAlphas);
 }
 
 MuCurve CoatAlbedo(const Ggx& ggx, float eta) {
