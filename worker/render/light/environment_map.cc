@@ -32,15 +32,16 @@ float ScaleOf(uint16_t bits) { return std::bit_cast<float>(uint32_t{bits} << 16)
 }  // namespace
 
 EnvironmentMap::Texel EnvironmentMap::Pack(Rgb radiance) {
+  // 2^(field - 127) <= largest < 2^(field - 126); black counts as less than 1.
   const float largest = MaxComponent(radiance);
-  int exponent = 0;
-  std::frexp(largest, &exponent);
-  // Values too dark for a normal scale lose bits.
-  const float scale = std::ldexp(1.0f, std::max(exponent - 16, -126));
+  const uint32_t field = largest > 0 ? std::bit_cast<uint32_t>(largest) >> 23 : 126;
+  // The scale is 2^16 below the next power of two. Values too dark for a normal scale lose bits.
+  const uint32_t scale_field = std::max(field, 16u) - 15;
+  const float inverse_scale = std::bit_cast<float>((254 - scale_field) << 23);
   Texel texel;
-  texel.scale = static_cast<uint16_t>(std::bit_cast<uint32_t>(scale) >> 16);
+  texel.scale = static_cast<uint16_t>(scale_field << 7);
   for (size_t i = 0; i < 3; ++i) {
-    const float component = std::min(std::floor(radiance[i] / scale + 0.5f), 65535.0f);
+    const float component = std::min(std::floor(radiance[i] * inverse_scale + 0.5f), 65535.0f);
     texel.components[i] = static_cast<uint16_t>(component);
   }
   return texel;

@@ -29,11 +29,25 @@ struct Moments {
 // Values at the corners of a region where the map is bilinear: [y][x].
 using Corners = std::array<std::array<double, 2>, 2>;
 
+// Number: double, or a vector of them for several regions at once.
+template <typename Number>
+Number MeanSquareOf(Number a, Number b, Number d, Number e) {
+  return (a * a + b * b + d * d + e * e + (a + e) * (b + d)) / 9 + (a * e + b * d) / 18;
+}
 Moments MomentsOf(const Corners& c, double area) {
   const double a = c[0][0], b = c[0][1], d = c[1][0], e = c[1][1];
-  const double mean_square =
-      (a * a + b * b + d * d + e * e + (a + e) * (b + d)) / 9 + (a * e + b * d) / 18;
-  return {area * ((a + b + d + e) / 4), area * mean_square};
+  return {area * ((a + b + d + e) / 4), area * MeanSquareOf(a, b, d, e)};
+}
+// The sum of the moments of a texel's quarters, of its values at the center, on the middle of edges
+// and at the corners: [y][x].
+Moments MomentsOfQuarters(const std::array<std::array<double, 3>, 3>& l) {
+  using Quarters [[gnu::vector_size(32)]] = double;
+  const Quarters a{l[0][0], l[0][1], l[1][0], l[1][1]}, b{l[0][1], l[0][2], l[1][1], l[1][2]},
+      d{l[1][0], l[1][1], l[2][0], l[2][1]}, e{l[1][1], l[1][2], l[2][1], l[2][2]};
+  const Quarters mean = (a + b + d + e) / 4, mean_square = MeanSquareOf(a, b, d, e);
+  Moments sum;
+  for (int i = 0; i < 4; ++i) sum.Add({0.25 * mean[i], 0.25 * mean_square[i]});
+  return sum;
 }
 
 // Hilbert's curve through the quadrants of a square: the quadrant, and the curve's variant in it.
@@ -95,8 +109,16 @@ class MapPartitionBuilder {
     const int tx = static_cast<int>(texel.x / kUnits), ty = static_cast<int>(texel.y / kUnits);
     // At the center, on the middle of edges, and at the corners.
     std::array<std::array<double, 3>, 3> l;
-    for (int y = 0; y < 3; ++y) {
-      for (int x = 0; x < 3; ++x) l[y][x] = At(tx + x - 1, ty + y - 1);
+    const int last = static_cast<int>(size_) - 1;
+    if (tx > 0 && ty > 0 && tx < last && ty < last) {
+      const float* row = &values_[(texel.y / kUnits - 1) * size_t{size_} + texel.x / kUnits - 1];
+      for (int y = 0; y < 3; ++y, row += size_) {
+        for (int x = 0; x < 3; ++x) l[y][x] = static_cast<double>(row[x]);
+      }
+    } else {
+      for (int y = 0; y < 3; ++y) {
+        for (int x = 0; x < 3; ++x) l[y][x] = At(tx + x - 1, ty + y - 1);
+      }
     }
     const double c = l[1][1];
     l = {{{(l[0][0] + l[0][1] + l[1][0] + c) / 4, (l[0][1] + c) / 2,
@@ -108,9 +130,7 @@ class MapPartitionBuilder {
       return Corners{{{l[y][x], l[y][x + 1]}, {l[y + 1][x], l[y + 1][x + 1]}}};
     };
     Best best;
-    for (uint32_t y = 0; y < 2; ++y) {
-      for (uint32_t x = 0; x < 2; ++x) best.moments.Add(MomentsOf(corners(x, y), 0.25));
-    }
+    best.moments = MomentsOfQuarters(l);
     if (!MayBeWorthSplitting(best.moments, 1)) return AddLeaf(texel, best.moments);
     const size_t mark = leaves_.size();
     for (const Quadrant& quadrant : kCurves[curve]) {
