@@ -188,6 +188,11 @@ absl::StatusOr<ViewTransform> ViewTransform::OpenOrThrow(const ViewArguments& ar
 absl::StatusOr<ViewTransform> ViewTransform::Open(const ViewArguments& arguments) {
   const absl::StatusOr<Exposure> exposure = ParseExposure(arguments.exposure);
   if (!exposure.ok()) return Annotate(exposure.status(), "--exposure");
+  if (arguments.config.empty() && !arguments.IsActive()) {  // Needs no config.
+    ViewTransform result;
+    result.set_exposure(*exposure);
+    return result;
+  }
   try {
     absl::StatusOr<ViewTransform> opened = OpenOrThrow(arguments);
     if (opened.ok()) opened->set_exposure(*exposure);

@@ -80,11 +80,11 @@ absl::Status CheckVolume(const NamedFile& named, const std::string& path) {
 absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) {
   if (named.kind == NamedFile::Kind::kVolumeFile) return CheckVolume(named, path);
   const bool is_light = named.kind == NamedFile::Kind::kLightFile;
-  const absl::StatusOr<FloatImage> image =
-      ReadImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
-                       .side_max = is_light ? kLightImageSideMax : kImageSideMax,
-                       .whole_pixels_max = kWholePixelsMax});
-  return NamedAsInScene(image.status(), path, named.file);
+  const absl::Status status =
+      CheckImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
+                        .side_max = is_light ? kLightImageSideMax : kImageSideMax,
+                        .whole_pixels_max = is_light ? 0 : kWholePixelsMax});
+  return NamedAsInScene(status, path, named.file);
 }
 
 }  // namespace

@@ -18,7 +18,8 @@
 
 namespace sheaf::cli {
 
-// Images with more pixels are checked by their headers only; others are read whole.
+// Images with more pixels are checked by their headers only, and so are those of lights, of which
+// CheckScene reads the small ones; others are read whole.
 inline constexpr uint64_t kWholePixelsMax = uint64_t{1} << 20;
 // Likewise, larger files of volumes.
 inline constexpr uint64_t kWholeVolumeBytesMax = uint64_t{16} << 20;

@@ -40,25 +40,34 @@ FloatImage FloatsOf(const PlainImage& plain) {
 }
 
 // None where OpenImageIO must read the image, or say why it cannot be read within the limits.
-std::optional<FloatImage> ReadWithoutLibrary(const std::string& path,
+std::optional<PlainImage> ReadWithoutLibrary(const std::string& path,
                                              const ReadImageLimits& limits) {
-  const std::optional<PlainImage> header = ReadPlainImage(path, {.is_header_enough = true});
+  std::optional<PlainImage> header = ReadPlainImage(path, {.is_header_enough = true});
   if (!header || std::max(header->width, header->height) > limits.side_max) return std::nullopt;
   const uint64_t pixels = static_cast<uint64_t>(header->width) * header->height;
-  if (pixels > limits.whole_pixels_max) return FloatsOf(*header);
+  if (pixels > limits.whole_pixels_max) return header;
   if (pixels * header->channels * sizeof(float) > limits.memory_bytes_max) return std::nullopt;
-  const std::optional<PlainImage> image = ReadPlainImage(path);
-  return image ? std::optional(FloatsOf(*image)) : std::nullopt;
+  return ReadPlainImage(path);
+}
+
+absl::StatusOr<FloatImage> ReadByLibrary(const std::string& path, const ReadImageLimits& limits) {
+  const absl::StatusOr<const ImageLibrary*> library = LoadImageLibrary();
+  if (!library.ok()) return library.status();
+  return (*library)->read(path, limits);
 }
 
 }  // namespace
 
 absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLimits& limits) {
   if (absl::Status header = CheckImageHeader(path); !header.ok()) return header;
-  if (std::optional<FloatImage> image = ReadWithoutLibrary(path, limits)) return *std::move(image);
-  const absl::StatusOr<const ImageLibrary*> library = LoadImageLibrary();
-  if (!library.ok()) return library.status();
-  return (*library)->read(path, limits);
+  if (const auto plain = ReadWithoutLibrary(path, limits)) return FloatsOf(*plain);
+  return ReadByLibrary(path, limits);
+}
+
+absl::Status CheckImage(const std::string& path, const ReadImageLimits& limits) {
+  if (absl::Status header = CheckImageHeader(path); !header.ok()) return header;
+  if (ReadWithoutLibrary(path, limits)) return absl::OkStatus();
+  return ReadByLibrary(path, limits).status();
 }
 
 }  // namespace sheaf

@@ -70,6 +70,8 @@ struct ReadImageLimits {
 // channels have no meaning (openimageio/image_layout.h), or beyond the limits of its header
 // (image_limits.h); kResourceExhausted beyond memory_bytes_max. Messages begin with the path.
 absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLimits& limits = {});
+// The error of ReadImage, without its numbers as floats.
+absl::Status CheckImage(const std::string& path, const ReadImageLimits& limits = {});
 
 // Opto-electronic transfer of sRGB and its inverse, on [0, 1]; values outside are clamped, NaN
 // gives 0. Source: IEC 61966-2-1. Same bits on every machine (common/math/elementary.h).

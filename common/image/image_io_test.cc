@@ -80,6 +80,21 @@ TEST(ImageIoTest, ErrorsNameThePath) {
   EXPECT_EQ(ReadImage(TemporaryPath("absent.png")).status().code(), absl::StatusCode::kNotFound);
 }
 
+TEST(ImageIoTest, ImagesAreCheckedAsTheyAreRead) {
+  const std::string path = TemporaryPath("checked");
+  const std::string png = *EncodePng(64, 64, std::vector<Rgb8>(64 * 64, Rgb8{9, 8, 7}));
+  for (const std::string& bytes : {png, png.substr(0, png.size() / 2), std::string("no image")}) {
+    std::ofstream(path + ".png", std::ios::binary) << bytes;
+    const absl::Status read = ReadImage(path + ".png").status();
+    EXPECT_EQ(CheckImage(path + ".png"), read);
+    EXPECT_EQ(read.ok(), bytes == png);
+  }
+  std::ofstream(path + ".png", std::ios::binary) << png.substr(0, png.size() / 2);
+  EXPECT_TRUE(CheckImage(path + ".png", {.whole_pixels_max = 64 * 64 - 1}).ok()) << "the header";
+  EXPECT_FALSE(CheckImage(path + ".png", {.side_max = 63}).ok());
+  EXPECT_TRUE(absl::IsNotFound(CheckImage(path + ".exr")));
+}
+
 // The library takes the memory first, and then finds the end of the file.
 TEST(ImageIoTest, ChunksOfPngLieWithinTheFile) {
   constexpr size_t kAfterHeader = 33;

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/base/file.h"
+#include "common/base/large_pages.h"
 #include "common/image/image_limits.h"
 #include "common/image/plain_formats.h"
 
@@ -66,7 +67,11 @@ std::optional<PlainImage> MakePlainImage(int64_t width, int64_t height, int chan
   image.type = type;
   const uint64_t bytes = static_cast<uint64_t>(width * height * channels) * image.NumberBytes();
   if (bytes > request.bytes_max) return std::nullopt;
-  if (!request.is_header_enough) image.numbers.resize(bytes);
+  if (!request.is_header_enough) {
+    image.numbers.reserve(bytes);
+    AdviseHugePages(image.numbers.data(), bytes);
+    image.numbers.resize(bytes);
+  }
   return image;
 }
 

@@ -36,6 +36,7 @@ std::vector<float> DecodeTable(PlainImage::Type type, TexelEncoding encoding) {
 // pbrt-v4 does.
 void Scan(const PlainImage& image, TextureImage* facts) {
   const auto channels = static_cast<size_t>(image.channels);
+  if (image.IsInteger() && channels < 4) return;
   bool is_opaque = true;
   for (size_t at = 0; at < image.NumberCount(); at += channels) {
     bool finite = true;
