@@ -17,6 +17,7 @@
 #include "cli/job/input_check.h"
 #include "cli/job/opened_scene.h"
 #include "common/base/printable.h"
+#include "common/scene/settings/path_shares.h"
 #include "worker/render/ablation/plan_measurement.h"
 #include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/plan/render_plan.h"
@@ -56,9 +57,11 @@ class PlanCommand : public Command {
     const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
     std::optional<render::TechniqueMeasurement> techniques;
-    if (measure_ && opened.settings.IsStereo()) {
-      return ReportError(ExitCode::kUsage,
-                         absl::InvalidArgumentError("--measure knows one view; remove --stereo"));
+    if (measure_ && HasOneTile(opened.settings)) {
+      return ReportError(
+          ExitCode::kUsage,
+          absl::InvalidArgumentError("--measure knows paths of one pixel; remove --stereo, and "
+                                     "+sharing of --techniques"));
     }
     if (measure_) {
       absl::StatusOr<render::TechniqueMeasurement> compared = render::MeasureTechniques(

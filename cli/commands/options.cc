@@ -203,13 +203,15 @@ void ParseTechniques(const std::string& text, RenderSettings* settings) {
     return;
   }
   const std::vector<std::string> words = TechniquesWords();
-  throw CLI::ValidationError(kTechniquesOption, absl::IsNotFound(techniques.status())
-                                                    ? absl::StrCat("\"", text, "\" is not one of ",
-                                                                   absl::StrJoin(words, ", "),
-                                                                   " or these with +merging or "
-                                                                   "+emission-guiding",
-                                                                   NearestNameHint(text, words))
-                                                    : std::string(techniques.status().message()));
+  throw CLI::ValidationError(
+      kTechniquesOption,
+      absl::IsNotFound(techniques.status())
+          ? absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
+                         " or these with +merging or "
+                         "+emission-guiding, or camera "
+                         "with +sharing or +sharing+views",
+                         NearestNameHint(text, words))
+          : std::string(techniques.status().message()));
 }
 
 // Options for light transport.
@@ -254,7 +256,10 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "matters most. +emission-guiding: paths from lights begin where, as the training found, "
           "light reaches the picture, for pictures of a small part of the scene. +merging: paths "
           "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "
-          "by a blur, which errors include. The others have the same mean. auto: what pays most, "
+          "by a blur, which errors include. +sharing: paths from the camera count in all pixels "
+          "whose filters cover them; +views: and through several points of the lens and, if only "
+          "the camera moves, times of the shutter. All but merging have the same mean. auto: what "
+          "pays most, "
           "which small images measure first (default: those of the scene's integrator; for paths "
           "from the camera, in render, submit and quote, auto where the first of these images are "
           "a "

@@ -230,8 +230,14 @@ absl::Status CheckNumbers(const JobArguments& arguments, Numbering numbering,
 
 namespace {
 
-// Refuses options that stereo images do not have.
-absl::Status CheckStereo(const JobArguments& arguments) {
+// Refuses options that stereo images, and those of shared paths, do not have.
+absl::Status CheckSharedPaths(const JobArguments& arguments) {
+  const std::optional<TechniqueSet>& techniques = arguments.settings.techniques;
+  if (techniques && SharesPaths(*techniques) && !arguments.resume_from.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--techniques ", techniques->Name(),
+                     ": images of shared paths know no --resume-from; remove it"));
+  }
   if (!(arguments.settings.eye_distance > 0)) return absl::OkStatus();
   const std::pair<bool, const char*> refused[] = {
       {!arguments.resume_from.empty(), "--resume-from"},
@@ -251,7 +257,7 @@ absl::Status CheckStereo(const JobArguments& arguments) {
 
 absl::Status CheckJobArguments(const JobArguments& arguments) {
   if (absl::Status status = CheckImageNames(arguments); !status.ok()) return status;
-  if (absl::Status status = CheckStereo(arguments); !status.ok()) return status;
+  if (absl::Status status = CheckSharedPaths(arguments); !status.ok()) return status;
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   if (absl::Status status = ScenePath(arguments).status(); !status.ok()) return status;
@@ -264,8 +270,11 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
 }
 
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
-  if (arguments.keep_camera_paths && arguments.settings.eye_distance > 0) {
-    return absl::InvalidArgumentError("--measure knows one view; remove --stereo");
+  const std::optional<TechniqueSet>& asked = arguments.settings.techniques;
+  if (arguments.keep_camera_paths &&
+      (arguments.settings.eye_distance > 0 || (asked && SharesPaths(*asked)))) {
+    return absl::InvalidArgumentError(
+        "--measure knows paths of one pixel; remove --stereo, and +sharing of --techniques");
   }
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();

@@ -241,6 +241,9 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   if (arguments.settings.eye_distance > 0) {
     return absl::UnimplementedError("what two eyes cost is not predicted");
   }
+  if (arguments.settings.techniques && SharesPaths(*arguments.settings.techniques)) {
+    return absl::UnimplementedError("what frames of shared paths cost is not predicted");
+  }
   Quote quote;
   const absl::StatusOr<std::optional<ImageStart>> start = ReadStart(arguments, job);
   if (!start.ok()) return start.status();

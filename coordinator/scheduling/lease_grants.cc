@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/scene/settings/path_shares.h"
 #include "coordinator/core/job/job_check.h"
 #include "coordinator/scheduling/check_leases.h"
 #include "coordinator/scheduling/frame_phases.h"
@@ -41,7 +42,7 @@ uint64_t BlockSamplesMax(const WorkState& state, const JobRecord& job, const Fra
   if (block.kind == TaskKind::kTraining) return 1;
   const Partition& partition = job.spec.partition;
   // Passes of the whole frame.
-  const bool is_light = block.kind == TaskKind::kLight || frame.settings().IsStereo();
+  const bool is_light = block.kind == TaskKind::kLight || HasOneTile(frame.settings());
   const uint64_t passes_max = is_light ? LightPassesMax(frame.settings(), state.limits) : 0;
   const uint64_t pass = is_light ? 1 : partition.pass_sample_count;
   if (partition.lease_pass_count != 0) {

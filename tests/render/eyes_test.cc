@@ -13,7 +13,7 @@
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/bsdf/bsdf_inl.h"
-#include "worker/render/eyes/other_eye.h"
+#include "worker/render/eyes/shared_vertex.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
@@ -126,7 +126,7 @@ TEST(EyesTest, PixelsPerAreaAreTheJacobianOfTheFilmPoint) {
       point.ng = ToFloat(Normalize(cross));
       for (const Eye eye : kEyes) {
         Vec3f unused;
-        const std::optional<Sight> sight = SightOf(*scene, eye, point, lens, 0, &unused);
+        const std::optional<Sight> sight = SightOf(*scene, {eye, lens}, point, &unused);
         ASSERT_TRUE(sight.has_value());
         const auto film = [&](Vec3f p) { return scene->eyes->of(eye).SampleWi(p, lens, 0)->film; };
         const Vec2d of_a = film(a[0]) - film(a[1]), of_b = film(b[0]) - film(b[1]);
@@ -151,14 +151,14 @@ TEST(EyesTest, AShiftAndItsInverseGiveTheSamePathOrNone) {
     point.p = ray.o + ray.d * static_cast<float>(random.Uniform(0.3, 3));
     point.ng = -ray.d;
     Vec3f other_lens, own_lens;
-    const auto there = SightOf(*scene, OtherThan(eye), point, lens, 0, &other_lens);
+    const auto there = SightOf(*scene, {OtherThan(eye), lens}, point, &other_lens);
     if (!there) continue;
     ++shifted;
     // The other eye's ray through its film point meets the point, and is shifted back.
     const Ray other = scene->eyes->of(OtherThan(eye)).MakeRay<kAllTraits>(there->film, lens, 0);
     const float distance = Length(point.p - other.o);
     point.p = other.o + other.d * distance;
-    const auto back = SightOf(*scene, eye, point, lens, 0, &own_lens);
+    const auto back = SightOf(*scene, {eye, lens}, point, &own_lens);
     ASSERT_TRUE(back.has_value());
     ASSERT_NEAR(back->film.x, film.x, 2e-4);
     ASSERT_NEAR(back->film.y, film.y, 2e-4);

@@ -11,6 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/base/cpu_clock.h"
+#include "common/scene/settings/path_shares.h"
 #include "worker/render/eyes/eye_passes.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
@@ -48,13 +49,13 @@ RenderRowFunction RowFunctionFor(const CompiledScene& scene) {
   return RowBesideLightOf(ChooseLightPathVariant(scene.plan.traits, generic));
 }
 
-// The passes of a stereo frame.
-absl::StatusOr<FilmTile> RenderStereoTile(const CompiledScene& scene, PixelRect tile,
+// The passes of a frame whose paths count in several pixels.
+absl::StatusOr<FilmTile> RenderSharedTile(const CompiledScene& scene, PixelRect tile,
                                           SampleBlock block, const std::stop_token& stop,
                                           RenderStats* stats) {
   const FrameSettings& settings = scene.settings;
   if (!(tile == PixelRect{0, 0, settings.width_px, settings.height_px})) {
-    return absl::InvalidArgumentError("a pass of a stereo frame is of its whole film");
+    return absl::InvalidArgumentError("a pass of shared paths is of the whole film");
   }
   const double start_seconds = ThreadCpuSeconds();
   RayCounts counts;
@@ -96,7 +97,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   if (tile.Width() <= 0 || tile.Height() <= 0 || !IsAligned(block)) {
     return absl::InvalidArgumentError("a tile pass needs a tile with pixels and an aligned block");
   }
-  if (scene.eyes != nullptr) return RenderStereoTile(scene, tile, block, stop, stats);
+  if (HasOneTile(scene.settings)) return RenderSharedTile(scene, tile, block, stop, stats);
   if (absl::Status status = EnsureGuiding(scene, stop); !status.ok()) return status;
   const double start_seconds = ThreadCpuSeconds();
   const RenderRowFunction render_row = RowFunctionFor(scene);

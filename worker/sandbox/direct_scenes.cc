@@ -12,6 +12,7 @@
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/reader/scene_file_reader.h"
+#include "common/scene/settings/path_shares.h"
 #include "worker/render/eyes/eye_passes.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/light_pass.h"
@@ -160,7 +161,7 @@ class DirectScene : public OpenScene {
       if (!pass.ok()) return pass.status();
       return render::RenderLightPass(*scene_, lease.tile, lease.block, stop, stats);
     }
-    if (lease.settings.IsStereo()) {
+    if (HasOneTile(lease.settings)) {
       const absl::StatusOr<LightPassGate::Pass> pass = light_passes_.Enter(
           render::EyePassMemoryBytes(lease.tile.PixelCount(), lease.block), stop);
       if (!pass.ok()) return pass.status();

@@ -15,6 +15,7 @@
 #include "common/base/digest.h"
 #include "common/film/denoised_output.h"
 #include "common/scene/settings/frame_settings_fields.h"
+#include "common/scene/settings/path_shares.h"
 #include "common/scene/settings/stereo.h"
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/sensor.h"
@@ -246,6 +247,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   if (settings.eye_distance > 0) {
     if (absl::Status status = MakeStereo(scene, settings, &resolved); !status.ok()) return status;
   }
+  if (absl::Status status = CheckSharing(resolved); !status.ok()) return status;
   return resolved;
 }
 

@@ -32,7 +32,7 @@ std::string WhyNoStereo(const FrameSettings& settings) {
   if (settings.width_px % 2 != 0 || !IsWholeFilm(settings)) {
     return "both eyes are rendered whole; remove the crop";
   }
-  if (!(settings.techniques == TechniqueSet::kCamera)) {
+  if (!(settings.techniques.Without(Technique::kSharing) == TechniqueSet::kCamera)) {
     return absl::StrCat("eyes share paths from the camera alone, not those of the techniques ",
                         settings.techniques.Name(), "; use --techniques camera");
   }

@@ -2,8 +2,9 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Stereo frames: two eyes beside the scene's camera, whose paths are shared
-// (worker/render/eyes/other_eye.h, docs/adr/0150). The film of a frame is that of both eyes side by
-// side, the left one first, so tiles, parts and images are as those of any frame of that size.
+// (worker/render/eyes/shared_vertex.h, docs/adr/0150). The film of a frame is that of both eyes
+// side by side, the left one first, so tiles, parts and images are as those of any frame of that
+// size.
 #pragma once
 
 #include <string>

@@ -31,6 +31,8 @@ constexpr TechniqueRow kTechniques[] = {
     {Technique::kSplitting, "splitting", {Technique::kGuiding}, true},
     {Technique::kMerging, "merging", {Technique::kLightPaths}},
     {Technique::kEmissionGuiding, "emission-guiding", {Technique::kLightPaths}},
+    {Technique::kSharing, "sharing", {}, true},
+    {Technique::kViews, "views", {Technique::kSharing}, true},
 };
 
 // The first thing that a technique of the set needs and lacks; both are words of names.

@@ -38,6 +38,11 @@ enum class Technique : uint8_t {
   kMerging = 4,
   // Light paths begin where light reaches the picture, by a learned field of what they brought.
   kEmissionGuiding = 5,
+  // A camera path counts in all pixels whose filters cover its point on the film, not in one.
+  // Frames have it beside no other technique but kViews (path_shares.h).
+  kSharing = 6,
+  // Camera paths are shared by several views: points of the lens, and times of the shutter.
+  kViews = 7,
 };
 
 // The techniques of a frame: paths from the camera and what is added to them.
@@ -139,6 +144,10 @@ constexpr bool MergesLightPaths(TechniqueSet techniques) {
 constexpr bool GuidesEmission(TechniqueSet techniques) {
   return techniques.Has(Technique::kEmissionGuiding);
 }
+// Whether camera paths count in all pixels whose filters cover them.
+constexpr bool SharesPaths(TechniqueSet techniques) { return techniques.Has(Technique::kSharing); }
+// Whether several views share a camera path.
+constexpr bool SharesViews(TechniqueSet techniques) { return techniques.Has(Technique::kViews); }
 // Whether fields are learned before the first sample.
 constexpr bool NeedsTraining(TechniqueSet techniques) {
   return IsGuided(techniques) || GuidesEmission(techniques);

@@ -54,7 +54,7 @@ TEST(TechniqueSetTest, EverySetRoundTripsByNameAndNumber) {
 TEST(TechniqueSetTest, NumbersOfNoSetAreNone) {
   const int bits_of_camera = TechniqueSet::kNumberOfBits;  // It has the number 0.
   for (const int64_t number : {int64_t{-1}, int64_t{7}, int64_t{15}, int64_t{bits_of_camera},
-                               int64_t{16 + 0b1010}, int64_t{257}, int64_t{1} << 40}) {
+                               int64_t{16 + 0b1010}, int64_t{16 + 0x100}, int64_t{1} << 40}) {
     EXPECT_EQ(TechniqueSet::FromNumber(number), std::nullopt) << number;
   }
 }
@@ -75,6 +75,8 @@ TEST(TechniqueSetTest, ErrorsSayWhatToGive) {
   EXPECT_EQ(ErrorOf("camera+emission-guiding"),
             "\"camera+emission-guiding\": emission-guiding needs light; give "
             "camera+light+emission-guiding");
+  EXPECT_EQ(ErrorOf("camera+views"),
+            "\"camera+views\": views needs sharing; give camera+sharing+views");
   EXPECT_EQ(ErrorOf("guiding"), "\"guiding\": guiding needs camera; give camera+guiding");
   for (const char* name : {"lights", "unknown", "", "camera+", "camera light"}) {
     EXPECT_EQ(TechniqueSet::Parse(name).status().code(), absl::StatusCode::kNotFound) << name;
@@ -88,6 +90,8 @@ TEST(TechniqueSetTest, NamesTellWhatASetHas) {
     EXPECT_EQ(IsGuided(set), name.find("+guiding") != std::string::npos) << name;
     EXPECT_EQ(SplitsPaths(set), name.find("splitting") != std::string::npos) << name;
     EXPECT_EQ(GuidesEmission(set), name.find("+emission-guiding") != std::string::npos) << name;
+    EXPECT_EQ(SharesPaths(set), name.find("sharing") != std::string::npos) << name;
+    EXPECT_EQ(SharesViews(set), name.find("views") != std::string::npos) << name;
     EXPECT_EQ(NeedsTraining(set), name.find("guiding") != std::string::npos) << name;
     EXPECT_NE(set.Has(Technique::kLightPathsAlone), name.starts_with("camera")) << name;
   }

@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "common/base/check.h"
+#include "common/scene/settings/path_shares.h"
 
 namespace sheaf::coordinator {
 
@@ -21,11 +22,11 @@ int32_t ChooseCellSize(const PixelRect& window, int32_t tile_size_px) {
 
 int32_t TileSizeOf(const FrameSpec& frame, const Partition& partition) {
   const PixelRect& window = frame.settings.window;
-  return frame.settings.IsStereo() ? std::max(window.x1, window.y1) : partition.tile_size_px;
+  return HasOneTile(frame.settings) ? std::max(window.x1, window.y1) : partition.tile_size_px;
 }
 
 int32_t CellSizeOf(const FrameSpec& frame, const Partition& partition) {
-  if (frame.settings.IsStereo()) return TileSizeOf(frame, partition);
+  if (HasOneTile(frame.settings)) return TileSizeOf(frame, partition);
   // If a frame resumes an image, the tiles of that image may have been divided into cells.
   const bool distributes = frame.stop.IsActive() || !frame.resumed.sha256_hex.empty();
   return distributes && partition.cell_size_px != 0 ? partition.cell_size_px

@@ -131,20 +131,26 @@ TEST(CellGridTest, TheTrainingTileIsNoTileOfTheImage) {
   }
 }
 
-TEST(CellGridTest, AStereoFrameHasOneTile) {
-  FrameSpec frame;
-  frame.settings.width_px = 640;
-  frame.settings.height_px = 240;
-  frame.settings.window = {0, 0, 640, 240};
-  frame.settings.eye_distance = 0.1f;
-  frame.stop.target_error = 0.01;
-  Partition partition;
-  partition.cell_size_px = 4;
-  const CellGrid grid(frame, partition);
-  ASSERT_EQ(grid.tiles().size(), 1u);
-  EXPECT_EQ(grid.tiles()[0], frame.settings.window);
-  EXPECT_EQ(grid.cells().size(), 1u);
-  EXPECT_EQ(grid.FindTile(frame.settings.window), 0u);
+TEST(CellGridTest, AFrameThatSharesPathsHasOneTile) {
+  for (const bool is_stereo : {false, true}) {
+    FrameSpec frame;
+    frame.settings.width_px = 640;
+    frame.settings.height_px = 240;
+    frame.settings.window = {0, 0, 640, 240};
+    if (is_stereo) {
+      frame.settings.eye_distance = 0.1f;
+    } else {
+      frame.settings.techniques = TechniqueSet{Technique::kSharing};
+    }
+    frame.stop.target_error = 0.01;
+    Partition partition;
+    partition.cell_size_px = 4;
+    const CellGrid grid(frame, partition);
+    ASSERT_EQ(grid.tiles().size(), 1u);
+    EXPECT_EQ(grid.tiles()[0], frame.settings.window);
+    EXPECT_EQ(grid.cells().size(), 1u);
+    EXPECT_EQ(grid.FindTile(frame.settings.window), 0u);
+  }
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/film/light/light_part_size.h"
+#include "common/scene/settings/path_shares.h"
 #include "common/scene/settings/stereo.h"
 #include "coordinator/core/job/cell_grid.h"
 
@@ -43,10 +44,10 @@ int64_t SquaresOf(const PixelRect& window, int64_t edge_px) {
   return DivideUp(window.Width(), edge_px) * DivideUp(window.Height(), edge_px);
 }
 
-// The size of a part of passes of the whole frame: of light passes, or of those of a stereo frame.
+// The size of a part of passes of the whole frame: of light passes, or of those of shared paths.
 uint64_t PassBytes(const FrameSettings& settings, uint64_t passes) {
   const int64_t pixels = settings.window.PixelCount();
-  if (!settings.IsStereo()) return LightPartBytes(pixels, LightOutputsOf(settings), passes);
+  if (!HasOneTile(settings)) return LightPartBytes(pixels, LightOutputsOf(settings), passes);
   const uint64_t planes = kFilmChannelCount + passes * kReplicateChannelCount;
   return static_cast<uint64_t>(pixels) * planes * sizeof(float);
 }
@@ -87,10 +88,14 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
   }
   if (s.IsStereo()) {
     if (const std::string why_not = WhyNoStereo(s); !why_not.empty()) return why_not;
+  }
+  if (HasOneTile(s)) {
+    if (absl::Status status = CheckSharing(s); !status.ok()) return std::string(status.message());
     if (LightPassesMax(s, limits) == 0) {
-      return absl::StrCat(w.PixelCount(), " pixels of both eyes: a pass of them can take ",
-                          PassBytes(s, 1) >> 20, " MiB, more than the limit of ",
-                          limits.light_part_bytes_max >> 20, "; render a smaller image");
+      return absl::StrCat(w.PixelCount(), " pixels", s.IsStereo() ? " of both eyes" : "",
+                          ": a pass of them can take ", PassBytes(s, 1) >> 20,
+                          " MiB, more than the limit of ", limits.light_part_bytes_max >> 20,
+                          "; render a smaller image");
     }
   }
   for (const auto& [edge_px, most, what] :
@@ -107,7 +112,7 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
 // The fewest leases that can render the frame.
 int64_t TaskCountMin(const FrameSpec& frame, const Partition& partition, const Limits& limits) {
   const auto samples = static_cast<int64_t>(frame.settings.samples);
-  if (frame.settings.IsStereo()) {
+  if (HasOneTile(frame.settings)) {
     return DivideUp(samples, static_cast<int64_t>(LightPassesMax(frame.settings, limits)));
   }
   const uint64_t passes =

@@ -129,6 +129,23 @@ TEST(JobCheckTest, StereoFramesHaveLimits) {
   ExpectRefused(job, "paths from the camera alone", "--techniques camera");
 }
 
+TEST(JobCheckTest, FramesOfSharedPathsHaveLimits) {
+  const auto shared = [](int32_t width_px, int32_t height_px) {
+    JobSpec job = JobOf(width_px, height_px, 4096);
+    job.frames[0].settings.techniques = TechniqueSet{Technique::kSharing, Technique::kViews};
+    return job;
+  };
+  EXPECT_TRUE(CheckJobSpec(shared(1920, 1080), Limits()).ok());
+  ExpectRefused(shared(7680, 4320), "pixels: a pass of them can take", "render a smaller image");
+  JobSpec job = shared(640, 480);
+  EXPECT_EQ(LightPassesMax(job.frames[0].settings, Limits()), Limits().light_pass_count_max);
+  job.frames[0].settings.window = {0, 0, 320, 240};
+  ExpectRefused(job, "is rendered whole", "remove the crop");
+  job = shared(640, 480);
+  job.frames[0].settings.techniques = job.frames[0].settings.techniques.With(Technique::kGuiding);
+  ExpectRefused(job, "not those of the techniques camera+guiding", "camera+sharing+views");
+}
+
 // A pass of a crop traces the paths of the whole, or it would not be a part of it.
 TEST(JobCheckTest, LightPathsDoNotDependOnTheWindow) {
   FrameSettings settings = JobOf(640, 480, 16).frames[0].settings;

@@ -13,6 +13,7 @@
 #include "absl/strings/str_replace.h"
 #include "common/film/denoised_output.h"
 #include "common/scene/settings/frame_settings_fields.h"
+#include "common/scene/settings/path_shares.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -57,10 +58,11 @@ void AddOutputs(const FilmOutputs& outputs, std::string* command) {
 std::string RenderCommand(const std::string& scene, const FrameSettings& settings,
                           const PixelRect& tile, uint64_t sample_count) {
   std::string command = absl::StrCat("sheaf render ", Quoted(scene));
-  if (settings.IsStereo()) {  // The tile is the whole frame.
+  if (settings.IsStereo()) {
     absl::StrAppend(&command, " --stereo ", settings.eye_distance);
     if (settings.eye_convergence > 0) absl::StrAppend(&command, ",", settings.eye_convergence);
-  } else {
+  }
+  if (!HasOneTile(settings)) {  // Otherwise the tile is the whole frame.
     absl::StrAppend(&command, " --crop ", tile.x0, ",", tile.y0, ",", tile.x1, ",", tile.y1);
   }
   absl::StrAppend(&command, " --samples ", sample_count);

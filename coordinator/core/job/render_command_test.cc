@@ -55,6 +55,13 @@ TEST(RenderCommandTest, StereoIsOneOption) {
             "--techniques camera");
 }
 
+TEST(RenderCommandTest, FramesOfSharedPathsHaveNoCrop) {
+  FrameSettings settings;
+  settings.techniques = TechniqueSet{Technique::kSharing};
+  EXPECT_EQ(RenderCommand("a.pbrt", settings, kTile, 8),
+            "sheaf render a.pbrt --samples 8 --max-depth 5 --seed 0 --techniques camera+sharing");
+}
+
 TEST(RenderCommandTest, QuotesNamesForTheShell) {
   const auto start = [](const std::string& scene) {
     const std::string command = RenderCommand(scene, {}, kTile, 1);

@@ -50,6 +50,28 @@ Vec2d SampleUnitDisk(Vec2f u) {
   return {p.radius * turn.cos, p.radius * turn.sin};
 }
 
+Vec2f UnitSquareOfDisk(Vec2d p) {
+  const double radius = std::sqrt(p.x * p.x + p.y * p.y);
+  // In units of an eighth of a turn, from -1 to 7: the four triangles of the square follow.
+  double eighths = Atan2(p.y, p.x) * (4 / kPi);
+  if (eighths < -1) eighths += 8;
+  Vec2d square;
+  if (eighths < 1) {
+    square = {radius, radius * eighths};
+  } else if (eighths < 3) {
+    square = {radius * (2 - eighths), radius};
+  } else if (eighths < 5) {
+    square = {-radius, radius * (4 - eighths)};
+  } else {
+    square = {radius * (eighths - 6), -radius};
+  }
+  const auto to_unit = [](double x) {
+    constexpr float kBelowOne = 0x1.fffffep-1f;
+    return std::clamp(static_cast<float>((x + 1) / 2), 0.0f, kBelowOne);
+  };
+  return {to_unit(square.x), to_unit(square.y)};
+}
+
 BladePolygon::BladePolygon(int blade_count, double rotation_degrees)
     : corners_(Corners(blade_count, rotation_degrees * (kPi / 180), 1, 1)) {}
 

@@ -20,6 +20,8 @@ struct DiskPoint {
 };
 DiskPoint SampleUnitDiskPolar(Vec2f u);
 Vec2d SampleUnitDisk(Vec2f u);
+// The inverse of SampleUnitDisk: in [0, 1)^2. Requires: p is in the unit disk, or next to it.
+Vec2f UnitSquareOfDisk(Vec2d p);
 
 // A regular polygon in the unit circle: the opening of straight blades.
 class BladePolygon {

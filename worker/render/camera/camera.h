@@ -68,6 +68,9 @@ class Camera {
   // CameraConnection::ray_density where the ray, made by MakeRay, meets p; 0 where SampleWi finds
   // no connection.
   double PdfWe(const Ray& ray, Vec3f p) const;
+  // The lens sample with which SampleWi connects a point on the ray of a realistic camera to the
+  // ray's origin. None for other cameras, and if rays begin elsewhere (set_ray_start_radius).
+  std::optional<Vec2f> LensSampleOf(const Ray& ray) const;
   // Samples a time in [0, 1) of the shutter interval in proportion to the shutter's opening.
   // Returns u itself where the shutter opens and closes instantly.
   float ShutterFraction(float u) const { return shutter_.empty() ? u : shutter_.Sample(u); }

@@ -118,6 +118,12 @@ std::optional<CameraConnection> Camera::SampleWi(Vec3f p, Vec2f lens,
   return usable ? std::optional(connection) : std::nullopt;
 }
 
+std::optional<Vec2f> Camera::LensSampleOf(const Ray& ray) const {
+  if (realistic_ == nullptr || ray_start_radius_ > 0) return std::nullopt;
+  const Vec3d o = CameraFromRenderAt(ray.time).Point(ToDouble(ray.o)) * kMillimeters;
+  return UnitSquareOfDisk(Vec2d{o.x, o.y} * (1 / realistic_->lens().front_radius_mm()));
+}
+
 double Camera::PdfWe(const Ray& ray, Vec3f p) const {
   const Affine render_from_camera = moves_ ? RenderFromCameraAt(ray.time) : render_from_camera_;
   const Affine camera_from_render = Inverse(render_from_camera);

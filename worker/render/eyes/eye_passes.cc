@@ -16,31 +16,42 @@
 namespace sheaf::render {
 namespace {
 
-// One pass over the film of both eyes.
+// One pass over the film of all eyes.
 class EyeFilm : public EyeSink {
  public:
   explicit EyeFilm(const CompiledScene& scene)
       : scene_(scene),
-        width_px_(scene.eyes->width_px),
+        stride_px_(scene.settings.width_px),
+        width_px_(FilmWidthOf(scene)),
         height_px_(scene.settings.height_px),
         radius_(scene.filter.radius_px()) {
-    const size_t pixels = 2 * static_cast<size_t>(width_px_) * static_cast<size_t>(height_px_);
-    sums_.resize(pixels);
+    sums_.resize(static_cast<size_t>(stride_px_) * static_cast<size_t>(height_px_));
   }
 
-  void Add(Eye eye, int32_t x, int32_t y, const EyeSample& sample) override {
-    AddTo(IndexOf(eye, x, y), sample.own, sample.own_share, sample.own.filter_weight);
-    if (sample.is_shifted) AddShifted(OtherThan(eye), sample);
+  void Add(Eye eye, int32_t x, int32_t y, const SharedSample& sample) override {
+    const FilmSample& own = sample.own;
+    if (sample.own_share != 0) {
+      AddTo(IndexOf(eye, x, y), own,
+            {eye, {}, own.radiance, own.normal, own.depth, sample.own_share}, own.filter_weight);
+    }
+    for (int32_t i = 0; i < sample.place_count; ++i) {
+      const SharedSample::Place& place = sample.places[static_cast<size_t>(i)];
+      const Rgb& radiance = place.radiance;
+      if (std::isfinite(radiance.r + radiance.g + radiance.b)) {
+        AddAround(own, place);
+      } else if (sample.own_share == 0) {  // Otherwise `own` reports the path.
+        AddTo(IndexOf(eye, x, y), own, place, 1);
+      }
+    }
   }
 
   // The pass as a tile; clears the film for the next one.
   FilmTile Take(uint64_t pass, std::vector<PixelAccumulator::NonFinite>* lost) {
-    FilmTile tile({0, 0, 2 * width_px_, height_px_}, {pass, 1});
+    FilmTile tile({0, 0, stride_px_, height_px_}, {pass, 1});
     PixelAccumulator accumulator(&tile);
     for (int32_t y = 0; y < height_px_; ++y) {
-      for (int32_t x = 0; x < 2 * width_px_; ++x) {
-        const size_t at =
-            static_cast<size_t>(y) * static_cast<size_t>(2 * width_px_) + static_cast<size_t>(x);
+      for (int32_t x = 0; x < stride_px_; ++x) {
+        const size_t at = IndexOf(Eye::kLeft, x, y);
         accumulator.Begin(x, y);
         accumulator.Add(pass, SampleAt(at));
         accumulator.End();
@@ -62,20 +73,19 @@ class EyeFilm : public EyeSink {
 
   size_t IndexOf(Eye eye, int32_t x, int32_t y) const {
     const int32_t column = eye == Eye::kLeft ? x : x + width_px_;
-    return static_cast<size_t>(y) * static_cast<size_t>(2 * width_px_) +
-           static_cast<size_t>(column);
+    return static_cast<size_t>(y) * static_cast<size_t>(stride_px_) + static_cast<size_t>(column);
   }
   // weight: that of the pixel's filter.
-  void AddTo(size_t at, const FilmSample& sample, float share, double weight) {
+  void AddTo(size_t at, const FilmSample& own, const SharedSample::Place& place, double weight) {
     Sum& sum = sums_[at];
-    const double part = weight * static_cast<double>(share);
+    const double part = weight * static_cast<double>(place.share);
     for (size_t c = 0; c < 3; ++c) {
-      sum.radiance[c] += weight * static_cast<double>(sample.radiance[c]);
-      sum.albedo[c] += part * static_cast<double>(sample.albedo[c]);
-      sum.normal[c] += part * static_cast<double>(sample.normal[c]);
+      sum.radiance[c] += weight * static_cast<double>(place.radiance[c]);
+      sum.albedo[c] += part * static_cast<double>(own.albedo[c]);
+      sum.normal[c] += part * static_cast<double>(place.normal[c]);
     }
-    sum.alpha += part * static_cast<double>(sample.alpha);
-    sum.depth += part * static_cast<double>(sample.depth);
+    sum.alpha += part * static_cast<double>(own.alpha);
+    sum.depth += part * static_cast<double>(place.depth);
     sum.share += part;
   }
   static std::pair<int32_t, int32_t> PixelsNear(double at, double radius, int32_t end) {
@@ -83,18 +93,19 @@ class EyeFilm : public EyeSink {
     const double high = std::clamp<double>(std::floor(at + radius - 0.5) + 1, 0, end);
     return {static_cast<int32_t>(low), static_cast<int32_t>(high)};
   }
-  void AddShifted(Eye eye, const EyeSample& sample) {
-    const Rgb& radiance = sample.other.radiance;
-    // The path's own pixel reports such a sample.
-    if (!std::isfinite(radiance.r + radiance.g + radiance.b)) return;
-    const auto [x0, x1] = PixelsNear(sample.film.x, radius_.x, width_px_);
-    const auto [y0, y1] = PixelsNear(sample.film.y, radius_.y, height_px_);
+  // Adds to the pixels whose filters cover the place.
+  void AddAround(const FilmSample& own, const SharedSample::Place& place) {
+    const auto [x0, x1] = PixelsNear(place.film.x, radius_.x, width_px_);
+    const auto [y0, y1] = PixelsNear(place.film.y, radius_.y, height_px_);
+    columns_.clear();
+    for (int32_t x = x0; x < x1; ++x) {
+      columns_.push_back(scene_.filter.EvaluateX(place.film.x - (x + 0.5)));
+    }
     for (int32_t y = y0; y < y1; ++y) {
+      const double row = scene_.filter.EvaluateY(place.film.y - (y + 0.5));
       for (int32_t x = x0; x < x1; ++x) {
-        const double weight =
-            scene_.filter.Evaluate({sample.film.x - (x + 0.5), sample.film.y - (y + 0.5)});
-        if (weight == 0) continue;
-        AddTo(IndexOf(eye, x, y), sample.other, sample.other_share, weight);
+        const double weight = columns_[static_cast<size_t>(x - x0)] * row;
+        if (weight != 0) AddTo(IndexOf(place.eye, x, y), own, place, weight);
       }
     }
   }
@@ -102,6 +113,8 @@ class EyeFilm : public EyeSink {
     const Sum& sum = sums_[at];
     const auto mean = [&sum](double of_all) { return static_cast<float>(of_all / sum.share); };
     FilmSample sample;
+    sample.filter_weight = 0;
+    if (sum.share == 0) return sample;
     for (size_t c = 0; c < 3; ++c) {
       sample.radiance[c] = mean(sum.radiance[c]);
       sample.albedo[c] = mean(sum.albedo[c]);
@@ -116,9 +129,11 @@ class EyeFilm : public EyeSink {
   }
 
   const CompiledScene& scene_;
+  const int32_t stride_px_;             // The width of the film of all eyes.
   const int32_t width_px_, height_px_;  // The size of the film of each eye.
   const Vec2d radius_;
   std::vector<Sum> sums_;
+  std::vector<double> columns_;  // Factors of the filter by column, for AddAround.
 };
 
 }  // namespace
@@ -129,13 +144,15 @@ absl::StatusOr<FilmTile> RenderEyePasses(const CompiledScene& scene, SampleBlock
   const FrameSettings& settings = scene.settings;
   const EyeRowFunction trace_row =
       EyeRowFunctionOf(ChooseEyeVariant(scene.plan.traits, settings.force_generic_variant));
+  const PathSharing sharing = SharingOf(scene);
   EyeFilm film(scene);
   TileTree tree({0, 0, settings.width_px, settings.height_px});
   for (uint64_t pass = block.first; pass < block.End(); ++pass) {
     for (const Eye eye : {Eye::kLeft, Eye::kRight}) {
+      if (eye == Eye::kRight && scene.eyes == nullptr) continue;
       for (int32_t y = 0; y < settings.height_px; ++y) {
         if (stop.stop_requested()) return absl::CancelledError("the pass was stopped");
-        trace_row(scene, eye, y, pass, &film, counts);
+        trace_row(scene, sharing, eye, y, pass, &film, counts);
       }
     }
     if (absl::Status status = tree.Insert(film.Take(pass, lost)); !status.ok()) return status;

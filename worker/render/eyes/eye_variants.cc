@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The table of compiled variants for stereo frames.
+// The table of compiled variants for frames whose paths count in several pixels.
 #include "worker/render/eyes/eye_variants.h"
 
 #include <iterator>

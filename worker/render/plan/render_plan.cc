@@ -13,6 +13,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/settings/path_shares.h"
 #include "common/scene/spectrum/spectrum.h"
 #include "worker/render/bsdf/perturbed_normal.h"
 #include "worker/render/geometry/bilinear_patch.h"
@@ -33,6 +34,7 @@ class PlanMaker {
 
   RenderPlan Make(const FrameSettings& settings) {
     ExamineCamera();
+    const size_t moving_cameras = causes_[TraitIndex(Trait::kMotion)].count;
     for (const int32_t shape : scene_.world_shapes) ExamineShape(scene_.shapes[shape], true);
     ExamineInstances();
     for (const LightDescription& light : scene_.lights) ExamineLight(light);
@@ -57,7 +59,8 @@ class PlanMaker {
     BoundDepth(settings.max_depth, &plan);
     plan.notes = std::move(notes_);
     NoteTechniques(settings.techniques, &plan);
-    if (settings.IsStereo()) plan.notes.push_back(StereoNote(scene_));
+    const bool world_moves = causes_[TraitIndex(Trait::kMotion)].count > moving_cameras;
+    NoteSharedPaths(scene_, settings, world_moves, &plan.notes);
     for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
       plan.notes.push_back(std::move(note));
     }
@@ -380,7 +383,7 @@ class PlanMaker {
     }
     const bool generic = settings.force_generic_variant;
     const Variant variant =
-        settings.IsStereo() ? AllEyeVariants()[ChooseEyeVariant(plan.traits, generic)]
+        HasOneTile(settings) ? AllEyeVariants()[ChooseEyeVariant(plan.traits, generic)]
         : HasLightPaths(settings.techniques)
             ? AllLightPathVariants()[ChooseLightPathVariant(plan.traits, generic)]
             : AllVariants()[ChooseVariant(plan.traits, generic)];

@@ -43,16 +43,9 @@ bool MayBeSpecular(const MaterialDescription& description) {
 // Named in a note; the others are counted.
 constexpr int kMaterialsNamedMax = 3;
 
-}  // namespace
-
-bool MayHaveSpecularSurfaces(const SceneDescription& scene) {
-  return std::ranges::any_of(scene.materials, [](const MaterialDescription& description) {
-    return MayBeSpecular(description);
-  });
-}
-
-std::string StereoNote(const SceneDescription& scene) {
-  std::string note = "stereo: both eyes share the paths that begin at rough surfaces";
+// The materials at which views do not share paths, as the end of a note; empty if there are none.
+std::string UnsharedMaterials(const SceneDescription& scene) {
+  std::string note;
   int count = 0;
   for (const MaterialDescription& description : scene.materials) {
     if (!MayBeSpecular(description) &&
@@ -67,6 +60,44 @@ std::string StereoNote(const SceneDescription& scene) {
     absl::StrAppend(&note, " and ", count - kMaterialsNamedMax, " more");
   }
   return note;
+}
+
+}  // namespace
+
+bool MayHaveSpecularSurfaces(const SceneDescription& scene) {
+  return std::ranges::any_of(scene.materials, [](const MaterialDescription& description) {
+    return MayBeSpecular(description);
+  });
+}
+
+std::string StereoNote(const SceneDescription& scene) {
+  return absl::StrCat("stereo: both eyes share the paths that begin at rough surfaces",
+                      UnsharedMaterials(scene));
+}
+
+std::string SharingNote(const SceneDescription& scene, bool by_views, bool world_moves) {
+  const CameraDescription& camera = scene.camera;
+  const std::string note = "sharing: paths count in all pixels whose filters cover them";
+  if (!by_views) return note;
+  const bool through_lens = camera.IsRealistic() || camera.lens_radius > 0;
+  const bool camera_moves =
+      camera.world_from_camera.IsAnimated() && camera.shutter_close > camera.shutter_open;
+  const bool over_shutter = camera_moves && !world_moves;
+  if (!through_lens && !over_shutter) {
+    return absl::StrCat(note, "; views: none share paths, as the camera has no lens and ",
+                        camera_moves ? "is not all that moves" : "does not move");
+  }
+  return absl::StrCat(note, "; views: up to 8 points of the ", through_lens ? "lens" : "",
+                      through_lens && over_shutter ? " and the " : "",
+                      over_shutter ? "shutter" : "",
+                      " share the paths that begin at rough surfaces", UnsharedMaterials(scene));
+}
+
+void NoteSharedPaths(const SceneDescription& scene, const FrameSettings& settings, bool world_moves,
+                     std::vector<std::string>* notes) {
+  if (settings.IsStereo()) notes->push_back(StereoNote(scene));
+  if (!SharesPaths(settings.techniques)) return;
+  notes->push_back(SharingNote(scene, SharesViews(settings.techniques), world_moves));
 }
 
 }  // namespace sheaf::render

@@ -7,6 +7,8 @@
 
 #include <utility>
 
+#include "common/math/transform.h"
+
 namespace sheaf::render {
 namespace {
 
@@ -59,6 +61,27 @@ TEST(SpecularSurfacesTest, AreNamedForStereoFrames) {
   for (int32_t line = 5; line < 9; ++line) add(HairMaterial{}, line);
   EXPECT_THAT(StereoNote(scene),
               ::testing::EndsWith("room.pbrt:4:1, room.pbrt:5:1, room.pbrt:6:1 and 2 more"));
+}
+
+TEST(SpecularSurfacesTest, PlansSayWhichViewsShare) {
+  SceneDescription scene;
+  const std::string by_filter = "sharing: paths count in all pixels whose filters cover them";
+  EXPECT_EQ(SharingNote(scene, false, false), by_filter);
+  EXPECT_EQ(SharingNote(scene, true, false),
+            by_filter + "; views: none share paths, as the camera has no lens and does not move");
+  scene.camera.lens_radius = 0.1f;
+  EXPECT_EQ(SharingNote(scene, true, true),
+            by_filter +
+                "; views: up to 8 points of the lens share the paths that begin at rough "
+                "surfaces");
+  scene.camera.lens_radius = 0;
+  scene.camera.shutter_close = 1;
+  scene.camera.world_from_camera.end = TranslateMatrix({1, 0, 0});
+  EXPECT_EQ(SharingNote(scene, true, false),
+            by_filter +
+                "; views: up to 8 points of the shutter share the paths that begin at "
+                "rough surfaces");
+  EXPECT_THAT(SharingNote(scene, true, true), ::testing::EndsWith("and is not all that moves"));
 }
 
 TEST(SpecularSurfacesTest, ArePrincipledOnesWithoutADiffusePart) {

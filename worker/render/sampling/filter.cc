@@ -111,10 +111,14 @@ double PixelFilter::EvaluateAxis(const Table& table, double x) const {
   return (before + (position - static_cast<double>(i)) * (after - before)) * table.inverse_integral;
 }
 
-double PixelFilter::Evaluate(Vec2d offset) const {
-  const Vec2d radius = radius_px();
-  return EvaluateAxis(table_x_, offset.x / radius.x) / radius.x *
-         (EvaluateAxis(table_y_, offset.y / radius.y) / radius.y);
+double PixelFilter::EvaluateX(double offset) const {
+  const auto radius = static_cast<double>(radius_x_px_);
+  return EvaluateAxis(table_x_, offset / radius) / radius;
+}
+
+double PixelFilter::EvaluateY(double offset) const {
+  const auto radius = static_cast<double>(radius_y_px_);
+  return EvaluateAxis(table_y_, offset / radius) / radius;
 }
 
 double PixelFilter::SamplesOnAxis(const Table& table, double radius, double x,

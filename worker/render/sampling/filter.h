@@ -29,7 +29,10 @@ class PixelFilter {
   // The filter at an offset from the pixel's center over its integral, in 1 / pixels^2: the density
   // of the offsets of Sample times their weights. 0 beyond the radius. A box includes its left and
   // upper edges alone, so that boxes of radius 1/2 divide the film.
-  double Evaluate(Vec2d offset) const;
+  double Evaluate(Vec2d offset) const { return EvaluateX(offset.x) * EvaluateY(offset.y); }
+  // Its factors of the axes, in 1 / pixels.
+  double EvaluateX(double offset) const;
+  double EvaluateY(double offset) const;
   // The density of film points at `film` if each pixel of a frame samples one, in 1 / pixels^2.
   // About 1 within the frame, exactly so for boxes of radius 1/2; less near its edges, 0 beyond
   // them.

@@ -163,11 +163,13 @@ inline constexpr uint32_t kCloudTraits =
   X("spectral generic", ::sheaf::render::kAllSpectralTraits)                            \
   X("generic", ::sheaf::render::kAllTraits)
 
-// The variants of stereo frames.
-#define SHEAF_EYE_VARIANTS(X)                                                         \
-  X("common", ::sheaf::render::CommonTraits(false, false, false, false))              \
-  X("common+environment", ::sheaf::render::CommonTraits(true, false, false, false))   \
-  X("mapped common+environment+cut-outs",                                             \
-    ::sheaf::render::Mapped(::sheaf::render::CommonTraits(true, false, false, true))) \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
+// The variants of frames whose paths count in several pixels, such as stereo frames.
+#define SHEAF_EYE_VARIANTS(X)                                                                   \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false))                        \
+  X("common+environment", ::sheaf::render::CommonTraits(true, false, false, false))             \
+  X("common+environment+lens+cut-outs", ::sheaf::render::CommonTraits(true, true, false, true)) \
+  X("common+environment+lens+motion", ::sheaf::render::CommonTraits(true, true, true, false))   \
+  X("mapped common+environment+cut-outs",                                                       \
+    ::sheaf::render::Mapped(::sheaf::render::CommonTraits(true, false, false, true)))           \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                                    \
   X("generic", ::sheaf::render::kAllTraits)

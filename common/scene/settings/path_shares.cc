@@ -1,0 +1,37 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+#include "common/scene/settings/path_shares.h"
+
+#include "absl/strings/str_cat.h"
+
+namespace sheaf {
+
+std::string WhyNoSharing(const FrameSettings& settings) {
+  if (!(settings.window == PixelRect{0, 0, settings.width_px, settings.height_px})) {
+    return "a frame whose pixels share paths is rendered whole; remove the crop";
+  }
+  const TechniqueSet others = settings.techniques.Without(Technique::kSharing);
+  if (!(others == TechniqueSet::kCamera)) {
+    return absl::StrCat("pixels share paths from the camera alone, not those of the techniques ",
+                        others.Name(), "; give camera+sharing or camera+sharing+views");
+  }
+  if (settings.light_samples != 0) {
+    return "pixels share one light sample at a vertex; remove --light-samples";
+  }
+  if (!settings.outputs.empty()) {
+    return "an image of shared paths has no layers beside R, G, B, A, albedo, normal, depth and "
+           "errors; remove the outputs";
+  }
+  if (!settings.lattice.All()) return "pixels that share paths cannot be rendered alone";
+  return "";
+}
+
+absl::Status CheckSharing(const FrameSettings& settings) {
+  if (!SharesPaths(settings.techniques)) return absl::OkStatus();
+  const std::string why_not = WhyNoSharing(settings);
+  if (why_not.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("--techniques ", settings.techniques.Name(), ": ", why_not));
+}
+
+}  // namespace sheaf

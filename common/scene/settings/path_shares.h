@@ -1,0 +1,27 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// Frames whose paths count in several pixels (worker/render/eyes): stereo frames, and those with
+// Technique::kSharing (docs/adr/0151).
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "common/scene/settings/render_settings.h"
+
+namespace sheaf {
+
+// Whether the frame has one tile, its whole film, because paths reach pixels far from their own.
+inline bool HasOneTile(const FrameSettings& settings) {
+  return settings.IsStereo() || SharesPaths(settings.techniques);
+}
+
+// Why the settings cannot be those of a frame that shares paths: a crop, other techniques, several
+// light samples, outputs beside the image. Empty if they can. Requires:
+// SharesPaths(settings.techniques).
+std::string WhyNoSharing(const FrameSettings& settings);
+// The same as an error: kInvalidArgument. OK also for frames that do not share paths.
+absl::Status CheckSharing(const FrameSettings& settings);
+
+}  // namespace sheaf

@@ -1,0 +1,99 @@
+#!/usr/bin/env python3
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Pixels share paths, and the image is still one.
+
+A frame with `--techniques camera+sharing+views` is rendered in one process, and on workers of
+which one is killed: one SHA-256. SHEAF_SEED repeats the moments of a run.
+"""
+import json
+import os
+import random
+import tempfile
+import time
+import unittest
+
+import farm
+from stereo_test import SCENE
+
+SHARING = ("--techniques", "camera+sharing+views")
+SMALL = ("--pass-samples", 4, "--lease-passes", 1)
+SAMPLES = 42  # Not a multiple of 16: the last passes are those of few replicates.
+JOB = ("--samples", SAMPLES, *SHARING)
+
+
+class SharingTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
+        print(f"SHEAF_SEED={seed}", flush=True)
+        cls.random = random.Random(seed)
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.scene = os.path.join(cls.folder.name, "balls.pbrt")
+        with open(cls.scene, "w", encoding="utf-8") as f:
+            f.write(SCENE.replace('"float lensradius" 0.03', '"float lensradius" 0.4'))
+        cls.expected = cls.rendered("expected", *JOB)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.folder.cleanup()
+
+    @classmethod
+    def path(cls, name):
+        return os.path.join(cls.folder.name, name + ".exr")
+
+    @classmethod
+    def rendered(cls, name, *arguments):
+        farm.render(cls.scene, cls.path(name), *arguments)
+        return farm.image_digest(cls.path(name))
+
+    def test_in_one_process(self):
+        for arguments in (SMALL, ("--pass-samples", 64), ("--tile-size", 8, "--threads", 3)):
+            with self.subTest(arguments=arguments):
+                self.assertEqual(self.rendered("p", *JOB, *arguments), self.expected)
+        by_filter = self.rendered("p", "--samples", SAMPLES, "--techniques", "camera+sharing")
+        self.assertNotEqual(by_filter, self.expected)
+
+    def test_plan_and_image_name_it(self):
+        plan = farm.local("plan", self.scene, *SHARING)
+        self.assertIn("techniques: camera+sharing+views, requested", plan)
+        self.assertIn("views: up to 8 points of the lens share the paths that begin at rough "
+                      "surfaces; not those at the materials of", plan)
+        shown = json.loads(farm.local("show", self.path("expected"), "--json"))
+        self.assertEqual(shown["metadata"]["techniques"], "camera+sharing+views")
+        self.assertNotIn("bias", shown["metadata"])
+
+    def test_workers_of_which_one_is_killed(self):
+        with farm.Farm(["--lease-seconds", "2"]) as f:
+            for _ in range(3):
+                f.start_worker()
+            job = f.sheaf("submit", self.scene, *JOB, *SMALL).stdout.strip()
+            farm.wait_until(f.acknowledged, 60, "the first result")
+            f.kill(self.random.choice(f.workers))
+            f.sheaf("watch", job, "-o", self.path("farmed"))
+            self.assertEqual(farm.image_digest(self.path("farmed")), self.expected)
+            samples = farm.samples_by_tile(f.acknowledged())
+            self.assertEqual(len(samples), 1, "a frame of shared paths has one tile")
+
+    def test_both_eyes_share_them(self):
+        eyes = (*JOB, "--stereo", "0.2,5")
+        expected = self.rendered("eyes", *eyes)
+        self.assertEqual(self.rendered("eyes", *eyes, *SMALL), expected)
+
+    def test_rounds_end_the_frame_as_a_whole(self):
+        rule = ("--target-error", "3e-3", "--samples", 512, *SHARING)
+        expected = self.rendered("rounds", *rule)
+        self.assertEqual(self.rendered("rounds", *rule, "--threads", 2), expected)
+
+    def test_what_shares_no_paths_is_refused(self):
+        for flags in ((*SHARING, "--crop", "0,0,8,8"), (*SHARING, "--aov", "uv"),
+                      (*SHARING, "--light-samples", 4), (*SHARING, "--denoise"),
+                      (*SHARING, "--resume-from", self.path("expected")),
+                      ("--techniques", "camera+light+sharing")):
+            with self.subTest(flags=flags):
+                with self.assertRaisesRegex(AssertionError, "--techniques camera"):
+                    farm.render(self.scene, self.path("refused"), *flags)
+
+
+if __name__ == "__main__":
+    unittest.main(verbosity=2)
