@@ -24,6 +24,7 @@
 #include "cli/study/study_page.h"
 #include "common/base/file.h"
 #include "common/film/denoised_output.h"
+#include "common/scene/settings/path_shares.h"
 
 namespace sheaf::cli {
 namespace {
@@ -89,6 +90,11 @@ class StudyCommand : public Command {
     const Interruption interruption;
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
+    if (HasOneTile(opened.settings)) {
+      return ReportError(ExitCode::kUsage,
+                         absl::InvalidArgumentError("a study knows paths of one pixel: remove "
+                                                    "+sharing of --techniques"));
+    }
     std::vector<std::string> inputs;
     for (const auto& [name, path] : opened.file.files->FilesUsed()) inputs.push_back(path);
     if (absl::Status status = CheckOutputs({json_path_, page_path_}, inputs); !status.ok()) {

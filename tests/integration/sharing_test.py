@@ -9,6 +9,7 @@ which one is killed: one SHA-256. SHEAF_SEED repeats the moments of a run.
 import json
 import os
 import random
+import subprocess
 import tempfile
 import time
 import unittest
@@ -84,6 +85,13 @@ class SharingTest(unittest.TestCase):
         rule = ("--target-error", "3e-3", "--samples", 512, *SHARING)
         expected = self.rendered("rounds", *rule)
         self.assertEqual(self.rendered("rounds", *rule, "--threads", 2), expected)
+
+    def test_other_commands_refuse_it(self):
+        for command in (("study",), ("plan", "--measure"), ("quote", "--local")):
+            with self.subTest(command=command):
+                with self.assertRaises(subprocess.CalledProcessError) as refused:
+                    farm.local(command[0], self.scene, *SHARING, *command[1:])
+                self.assertRegex(refused.exception.stderr, "paths of one pixel|is not predicted")
 
     def test_what_shares_no_paths_is_refused(self):
         for flags in ((*SHARING, "--crop", "0,0,8,8"), (*SHARING, "--aov", "uv"),
