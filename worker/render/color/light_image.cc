@@ -19,7 +19,12 @@ absl::StatusOr<LightImage> ReadLightImage(const SceneDescription& scene, SourceL
   absl::StatusOr<std::string> path = files.LocalPath(file);
   if (!path.ok()) return Annotate(path.status(), place);
   const absl::StatusOr<FloatImage> image = ReadImage(*path, {.side_max = kLightImageSideMax});
-  if (!image.ok()) return Annotate(NamedAsInScene(image.status(), *path, file), place);
+  if (!image.ok()) {
+    const absl::Status named = Annotate(NamedAsInScene(image.status(), *path, file), place);
+    if (!absl::IsInvalidArgument(named)) return named;
+    return absl::InvalidArgumentError(
+        absl::StrCat(named.message(), "; replace the file or remove it"));
+  }
   const std::optional<Matrix4> srgb_from_file = SrgbFromFile(
       image->chromaticities, ColorRole::kIlluminant, absl::StrCat(place, ": \"", file, "\""));
   uint64_t outside = 0;

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,18 @@ TEST(LightImageTest, ImagesReadAgainAreBounded) {
   EXPECT_TRUE(absl::IsResourceExhausted(status));
   EXPECT_EQ(status.message().find("main.pbrt:7:1: images that were read for other lights"), 0u)
       << status;
+}
+
+TEST(LightImageTest, ErrorsSayWhereAndWhatToDo) {
+  const std::string path = ::testing::TempDir() + "/light_image_test_broken.png";
+  std::ofstream(path) << "no image";
+  SceneDescription scene;
+  scene.files = {"main.pbrt"};
+  TableFileSource files({{"sky.png", path}});
+  const absl::Status status = ReadLightImage(scene, {0, 7, 1}, "sky.png", files).status();
+  EXPECT_TRUE(absl::IsInvalidArgument(status));
+  EXPECT_EQ(status.message().find("main.pbrt:7:1: sky.png: "), 0u) << status;
+  EXPECT_NE(status.message().find("; replace the file or remove it"), std::string::npos) << status;
 }
 
 }  // namespace
