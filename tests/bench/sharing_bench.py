@@ -31,7 +31,7 @@ from technique_regions import DARK, ROOT, shrink
 
 REFERENCE = 16  # Times the samples.
 REFERENCE_SEED = 1000
-WORST = 0.01  # Of the pixels, left out.
+WORST = 0.01  # Fraction of the pixels that is left out.
 TECHNIQUES = ("camera", "camera+sharing", "camera+sharing+views")
 
 REPLACED = {  # In the text of scenes.
