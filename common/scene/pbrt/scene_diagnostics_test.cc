@@ -184,8 +184,17 @@ constexpr BadScene kBadScenes[] = {
      "Texture \"t\" \"float\" \"constant\"\nWorldBegin\n"
      "Material \"coatedconductor\" \"texture interface.roughness\" \"t\"\n",
      "parameter \"interface.roughness\" is not supported as a texture; give a number"},
-    {"UnknownTexture", "WorldBegin\nTexture \"t\" \"float\" \"wrinkled\"\n",
-     "main.pbrt:2:1: texture \"t\": class \"wrinkled\" is not supported"},
+    {"UnknownTexture", "WorldBegin\nTexture \"t\" \"float\" \"ptex\"\n",
+     "main.pbrt:2:1: texture \"t\": class \"ptex\" is not supported"},
+    {"TextureOfNumbers", "WorldBegin\nTexture \"t\" \"spectrum\" \"fbm\"\n",
+     "main.pbrt:2:1: texture \"t\": class \"fbm\" is a float texture; for a color, give it to "
+     "\"mix\" as \"texture amount\""},
+    {"UnknownNode", "WorldBegin\nTexture \"t\" \"float\" \"node\" \"string node\" \"noize\"\n",
+     "main.pbrt:2:28: texture \"t\": parameter \"node\" is \"noize\"; it must be one of noise, "},
+    {"FallingRamp",
+     "WorldBegin\nTexture \"t\" \"float\" \"ramp\" \"float positions\" [1 0] "
+     "\"float values\" [0 1]\n",
+     "texture \"t\": parameter \"positions\" must not decrease"},
     {"MissingNormalMap", "WorldBegin\nMaterial \"diffuse\" \"string normalmap\" \"no.png\"\n",
      "main.pbrt:2:20: material \"diffuse\": parameter \"normalmap\" cannot be read: file "
      "\"no.png\""},

@@ -165,7 +165,7 @@ std::optional<decltype(TextureDescription::texture)> TextureTable::Make(
       parameters.owner(), ": class \"", kind, "\" is not supported",
       SupportedNamesHint(
           kind, {"constant", "imagemap", "checkerboard", "scale", "mix", "directionmix", "bilerp",
-                 "dots", "fbm", "wrinkled", "windy", "marble"})));
+                 "dots", "fbm", "wrinkled", "windy", "marble", "node", "ramp"})));
   return std::nullopt;
 }
 
