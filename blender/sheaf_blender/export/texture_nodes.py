@@ -156,7 +156,9 @@ def _gradient(node):
 
 def _white_noise(node):
     dimensions = _DIMENSIONS.get(node.node.noise_dimensions)
-    if dimensions is None:
+    # Without a link its place is a point, not Generated coordinates.
+    linked, _, _ = node_links.source(node_links.input_of(node.place, "Vector"))
+    if dimensions is None or linked is None:
         return None
     return node.value("white_noise", (("dimensions", dimensions),), has_color=True,
                       outputs=("Value",))

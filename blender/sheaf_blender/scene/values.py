@@ -58,12 +58,14 @@ class NodeValue:
     is_simplified: bool = False  # Whether its color was replaced by its factor.
 
 
-RAMP_STOPS = 257
+RAMP_STOPS = 513
 
 
 def node_ramp(value):
     """(positions, colors) of what the operations make of the node's factor."""
     low, high = value.reach
+    if not value.operations:  # Negative factors are black, and a ramp is linear between stops.
+        low = max(low, 0.0)
     count = RAMP_STOPS if value.operations else 2
     at = [low + (high - low) * i / (count - 1) for i in range(count)]
     pixels = numpy.repeat(numpy.array(at, numpy.float64)[:, None], 3, axis=1)
