@@ -49,7 +49,7 @@ struct MarbleTexture {
   float variation = 0.2f;  // The noise's amplitude.
   Matrix4 texture_from_world;
 };
-// The first input in discs of radius 0.35 about random points, in about every other unit square,
+// The first input in discs of radius 0.35 about random points, in about two of five unit squares,
 // and the second around them.
 struct DotsTexture {
   UvMapping mapping;
