@@ -234,6 +234,8 @@ def patterns():
            .5 + .5 * lattice_noise((p - (.2, 0, .3)) / (.5, .25, 1)),
            "Translate .2 0 .3 Scale .5 .25 1")
     number("node gradient of uv", '"node" "string node" "gradient" "string from" "uv"', u)
+    number("node gradient of mapped uv", '"node" "string node" "gradient" "string from" "uv" '
+           '"float placement" [0 .5 0 .25 0 1 0 0 0 0 1 0]', .5 * v + .25)
     number("node gradient, radial", '"node" "string node" "gradient" "string type" "radial"',
            np.arctan2(y, x) / (2 * PI) + .5)
     number("node wave", '"node" "string node" "wave" "string type" "rings" '

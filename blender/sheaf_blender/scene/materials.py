@@ -123,7 +123,7 @@ class TextureTable:
         kind, parameters = self._class_of(value, as_color)
         name = f"t{len(self._names) + 1}"
         type_name = "spectrum" if as_color else "float"
-        if kind == "node":
+        if kind == "node" and value.space != "uv":
             self._text.directive("AttributeBegin")
             self._text.transform("Transform", numpy.linalg.inv(_rows(value.matrix)))
             self._text.directive("Texture", name, type_name, kind, parameters)
@@ -157,8 +157,11 @@ class TextureTable:
     def _node(self, value, as_color):
         """A node itself, or a ramp over its factor."""
         if not value.operations and as_color == value.wants_color:
-            place = "uv" if value.space == "uv" else "position"
-            return "node", {"string node": value.node, "string from": place,
+            place = {"string from": "position"}
+            if value.space == "uv":
+                rows = _rows(value.matrix)[:3].ravel()
+                place = {"string from": "uv", "float placement": tuple(map(float, rows))}
+            return "node", {"string node": value.node, **place,
                             **{("string " if isinstance(x, str) else "float ") + name: x
                                for name, x in value.parameters}}
         factor = dataclasses.replace(value, operations=(), wants_color=False, is_simplified=False)

@@ -65,13 +65,27 @@ float GetNumber(ParameterList& parameters, const NodeParameter& parameter) {
   return parameter.fallback;
 }
 
+// The affine map of (u, v, 0) to the place of a node: three rows of four numbers.
+Matrix4 GetUvPlacement(ParameterList& parameters) {
+  constexpr size_t kNumbers = 12;
+  Matrix4 placement;
+  const std::vector<float> numbers = parameters.GetFloats("placement");
+  if (numbers.size() == kNumbers) {
+    for (size_t i = 0; i < kNumbers; ++i) placement.m[i / 4][i % 4] = numbers[i];
+  } else if (const Parameter* given = parameters.Find("placement"); given != nullptr) {
+    parameters.ErrorAt(*given, "must be 12 floats, three rows of an affine map");
+  }
+  return placement;
+}
+
 }  // namespace
 
 NodeTexture TextureTable::MakeNode(ParameterList& parameters, const Matrix4& world_from_texture) {
   NodeTexture node;
-  node.texture_from_place = TextureFromWorld(parameters, world_from_texture);
   const std::string from = parameters.GetString("from", "position");
   node.from_uv = from == "uv";
+  node.texture_from_place =
+      node.from_uv ? GetUvPlacement(parameters) : TextureFromWorld(parameters, world_from_texture);
   if (from != "uv" && from != "position") {
     parameters.ErrorAt(*parameters.Find("from"),
                        absl::StrCat("is \"", from, "\"; it must be position or uv"));
