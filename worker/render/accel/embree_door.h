@@ -66,7 +66,8 @@ struct TraceContext {
   mutable float nearest_doubt = 0;  // Initially that of the ray's end.
   // The mesh of a hit whose u and v are still Embree's; null where they are ours (Settle).
   mutable const BakedMesh* unsettled = nullptr;
-  // The ray passes beside the triangle of the nearest hit, within the tracer's rounding.
+  // The ray passes beside the triangle of the nearest hit, within the tracer's rounding; before
+  // Settle it may.
   mutable bool passes_beside = false;
   // A triangle may hide the ray's end, but the ray passes so near to an edge that the search for
   // the nearest hit must decide.

@@ -77,6 +77,7 @@ void JudgeNearest(const RTCFilterFunctionNArguments* args) {
   if (!candidate.Take(candidate.PlaneDistance(along), candidate.Doubt(along))) return;
   args->valid[0] = -1;
   candidate.context.unsettled = &candidate.mesh;
+  candidate.context.passes_beside = candidate.IsNearEdge();
 }
 void JudgeAny(const RTCFilterFunctionNArguments* args) {
   const Candidate candidate(args);
@@ -145,7 +146,7 @@ void Settle(const TraceContext& context, RTCRayHit* ray_hit) {
                        ToDouble(mesh.positions[t[2]])});
   ray_hit->hit.u = static_cast<float>(corners.weights[1]);
   ray_hit->hit.v = static_cast<float>(corners.weights[2]);
-  context.passes_beside = !corners.is_inside;
+  context.passes_beside &= !corners.is_inside;
 }
 
 void FilterTriangles(RTCGeometry triangles, TracedMesh* mesh, bool has_needles) {
