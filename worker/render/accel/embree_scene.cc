@@ -28,9 +28,10 @@ namespace {
 // memory.
 constexpr size_t kHighQualityTrianglesMax = size_t{1} << 23;
 
-// A ray that is turned across an edge meets the surface that continues there if it meets one at
-// most this fraction of the distance farther.
-constexpr float kNeighborDistance = 0x1p-7f;
+// A ray that is turned across an edge, by both of these angles, meets the surface that continues
+// there if it meets one that is at most this many times farther than the ray was moved sideways.
+constexpr float kTurnsRadians[] = {0x1p-19f, 0x1p-18f};
+constexpr float kNeighborSlope = 0x1p11f;
 
 Vec3f ReachOf(const BakedMesh& mesh) {
   Vec3f reach;
@@ -264,13 +265,14 @@ bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
 }
 
 bool EmbreeScene::IsOpenBeside(const Ray& ray, const RawHit& hit) const {
-  const auto is_near = [&hit](const RawHit& beside) {
-    return beside.t - hit.t <= kNeighborDistance * hit.t;
-  };
-  for (int widening = 0; widening <= 1; ++widening) {
+  const Vec3f o = Abs(ray.o);
+  const float origin_reach = std::max(o.x, std::max(o.y, o.z)) / Length(ray.d);
+  for (const float turn_radians : kTurnsRadians) {
+    const float near = kNeighborSlope * turn_radians * (hit.t + origin_reach);
+    const auto is_near = [&](const RawHit& beside) { return beside.t - hit.t <= near; };
     RawHit beside;
     bool passes_beside = false;
-    const Ray turned = BesideEdge(*state_->described, ray, hit, widening);
+    const Ray turned = BesideEdge(*state_->described, ray, hit, turn_radians);
     if (!TraceOnce(turned, nullptr, &beside, &passes_beside)) continue;
     if (is_near(beside)) return false;
     // Where the surface is seen edge-on, the turned ray meets it far behind.

@@ -121,7 +121,8 @@ Ray NudgedRay(const Ray& ray, int attempt, int widening) {
   return TurnedTo(ray, side, step);
 }
 
-Ray BesideEdge(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit, int widening) {
+Ray BesideEdge(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
+               float turn_radians) {
   const bool is_placed = hit.id.placed != kNotPlaced;
   const PlacedGroup* placed = is_placed ? &PlacedAt(geometry, hit.id.placed) : nullptr;
   const GeometryGroup& group = geometry.groups[is_placed ? placed->group : 0];
@@ -147,7 +148,7 @@ Ray BesideEdge(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
     farthest = outside;
     outwards = out;
   }
-  return TurnedTo(ray, ToFloat(outwards), std::ldexp(0x1p-19f, widening));
+  return TurnedTo(ray, ToFloat(outwards), turn_radians);
 }
 
 }  // namespace sheaf::render

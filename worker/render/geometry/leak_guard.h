@@ -56,9 +56,9 @@ inline constexpr int kWideningsMax = 2;
 // widening doubles that. A pure function of its arguments.
 Ray NudgedRay(const Ray& ray, int attempt, int widening = 0);
 
-// The ray turned by 2^-19 radians, and moved by as much of its coordinates, away from the triangle
-// of `hit`, across the edge that the ray passes outside of. A widening doubles that. Requires: the
-// hit is one of a mesh.
-Ray BesideEdge(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit, int widening);
+// The ray turned by `turn_radians`, and moved by as much of its coordinates, away from the triangle
+// of `hit`, across the edge that the ray passes outside of. Requires: the hit is one of a mesh.
+Ray BesideEdge(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
+               float turn_radians);
 
 }  // namespace sheaf::render

@@ -102,7 +102,9 @@ std::optional<TriangleHit> IntersectTriangle(Vec3d o, Vec3d d, const std::array<
     if (nearest == nullptr || edge.distance < nearest->distance) nearest = &edge;
   }
   if (nearest == nullptr) return std::nullopt;
-  return nearest->hit;
+  TriangleHit hit = nearest->hit;
+  hit.is_inside = nearest->distance <= corner_error;
+  return hit;
 }
 
 }  // namespace sheaf::render

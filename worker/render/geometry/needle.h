@@ -24,9 +24,11 @@ inline constexpr double kNeedleSlimness = 0x1p-7;
 bool HasNeedles(const std::vector<Vec3f>& positions, const std::vector<uint32_t>& indices);
 
 struct TriangleHit {
-  double t = 0;            // In lengths of d.
-  double u = 0, v = 0;     // Barycentric weights of corners 1 and 2.
-  bool is_inside = false;  // The line passes through the triangle; else beside it, within rounding.
+  double t = 0;         // In lengths of d.
+  double u = 0, v = 0;  // Barycentric weights of corners 1 and 2.
+  // The line passes through the triangle, as far as its corners are known; else beside it, within
+  // rounding.
+  bool is_inside = false;
 };
 
 struct CornerWeights {
