@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a user may have meant by a name that a program does not know.
+// Suggests the name that a user meant by one that a program does not know.
 #pragma once
 
 #include <string>
