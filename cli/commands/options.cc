@@ -1,6 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/commands/options.h"
+#include "cli/commands/stop_options.h"
 
 #include <utility>
 #include <vector>
@@ -48,17 +49,6 @@ PixelRect ParseCrop(const std::string& text) {
 void AddOutputs(const std::string& names, FilmOutputs* outputs) {
   const absl::Status status = AddAovs(names, outputs);
   if (!status.ok()) throw CLI::ValidationError("--aov", std::string(status.message()));
-}
-
-// Parses "90s", "10m", "1h30m".
-double ParseSeconds(const std::string& text) {
-  absl::Duration duration;
-  if (!absl::ParseDuration(text, &duration) || duration <= absl::ZeroDuration() ||
-      duration == absl::InfiniteDuration()) {
-    throw CLI::ValidationError("--time",
-                               text + ": expected a time with its unit, as in 90s, 10m or 1h30m");
-  }
-  return absl::ToDoubleSeconds(duration);
 }
 
 // Written so that NaN is refused too.
@@ -226,6 +216,12 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
       "dispersed, a color lies outside sRGB, or the film names a sensor");
   command->add_flag("--single-scattering", settings->single_scattering,
                     "Rough surfaces scatter light once and lose the rest, as in pbrt-v4");
+  command
+      ->add_option("--clamp", settings->max_component_value,
+                   "Largest X, Y and Z of a sample, above which its light is lost: fewer bright "
+                   "specks, but BIASED, and displayed errors do not include the bias (default: "
+                   "the scene's \"maxcomponentvalue\"; 0: none)")
+      ->check(InRange(0.0));
   command->add_flag("--one-sequence", settings->one_sequence,
                     "Draw a pixel's samples from one sequence, not from 16 independent ones: less "
                     "noise in smooth regions, but displayed errors are upper estimates");
@@ -308,25 +304,6 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   AddGltfOptions(command, &arguments->gltf);
   AddOutputOptions(command, &settings);
   AddTransportOptions(command, &settings);
-}
-
-void AddStopOptions(CLI::App* command, StopArguments* stop) {
-  const OptionGroup group(command, "When to stop");
-  command
-      ->add_option("--target-error", stop->target_error,
-                   "Stop when the typical error of a pixel is at most this, e.g. 5%, with 95 % "
-                   "confidence; a number without % is relMSE, the square (0.0025). Sampling is "
-                   "adaptive, with at most --samples per pixel (65536)")
-      ->transform(PercentAsRelativeMse())
-      ->check(CheckPositive);
-  command->add_option_function<std::string>(
-      "--time", [stop](const std::string& text) { stop->seconds = ParseSeconds(text); },
-      "Stop before a frame has taken this long, e.g. 90s, 10m or 1h30m");
-  command
-      ->add_option("--budget", stop->budget_cpu_hours,
-                   "Stop before the job has taken this many CPU hours; each frame has an equal "
-                   "share")
-      ->check(CheckPositive);
 }
 
 void AddViewOptions(CLI::App* command, ViewArguments* view) {

@@ -17,8 +17,6 @@ void AddCoordinatorOption(CLI::App* command, FarmAddress* coordinator);
 void AddJsonFlag(CLI::App* command, bool* json);
 // SCENE and all options that affect its pixels.
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments);
-// --target-error, --time and --budget.
-void AddStopOptions(CLI::App* command, StopArguments* stop);
 // --output and --png, for images of a job submitted earlier, and --view.
 void AddImageOptions(CLI::App* command, JobArguments* arguments);
 // --frames.

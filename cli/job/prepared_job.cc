@@ -372,6 +372,7 @@ v1::StopRule StopRuleOf(const StopArguments& stop, int frame_count) {
   };
   v1::StopRule rule;
   rule.set_target_error(stop.target_error);
+  rule.set_certified(stop.certified);
   if (stop.seconds > 0) set(stop.seconds, rule.mutable_time_max());
   if (stop.budget_cpu_hours > 0) {
     set(3600 * stop.budget_cpu_hours / frame_count, rule.mutable_cpu_max());

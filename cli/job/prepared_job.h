@@ -31,6 +31,7 @@ struct StopArguments {
   double target_error = 0;      // 0 in all three: no such condition.
   double seconds = 0;           // Wall time of a frame.
   double budget_cpu_hours = 0;  // For the job; divided equally among its frames.
+  bool certified = false;       // The target is one of the certified error.
 
   bool IsActive() const { return target_error > 0 || seconds > 0 || budget_cpu_hours > 0; }
 };

@@ -90,6 +90,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("time_max_ns", row.time_max);
   visit("cpu_max_ns", row.cpu_max);
   visit("first_round_samples", row.first_round_samples);
+  visit("certified", row.certified);
 }
 
 // The specification of a frame, in the table `frames`.
@@ -238,6 +239,7 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("relative_mse", row.record.relative_mse);
   visit("relative_mse_upper", row.record.relative_mse_upper);
   visit("predicted_relative_mse", row.record.predicted_relative_mse);
+  visit("certified_upper", row.record.certified_upper);
   visit("sample_count", row.record.sample_count);
   visit("sample_count_expected", row.record.sample_count_expected);
   visit("wall_ns", row.record.wall_duration);

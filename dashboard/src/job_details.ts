@@ -103,6 +103,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'The typical relative error of a pixel, estimated from replicates; see “What the error means”'
     ],
     ...targetOf(frame),
+    ...certifiedErrorOf(frame),
     ...priceOfErrorBars(frame),
     [
       'FLIP', frame?.flip ? frame.flip.toFixed(3) : '–',
@@ -135,6 +136,19 @@ function targetOf(frame: Frame|undefined): [string, string, string][] {
   const target = frame?.stop.target_error;
   if (!target) return [];
   return [['Target', format.typicalError(target), 'The error at which the shown frame stops']];
+}
+
+// The grade of the frame's error: certified, or estimated with the reason.
+function certifiedErrorOf(frame: Frame|undefined): [string, string, string][] {
+  const certified = frame?.rounds.at(-1)?.certified_relative_mse;
+  if (certified) {
+    return [[
+      'Certified error', 'at most ' + format.typicalError(certified),
+      'Holds for any scene in 95 of 100 frames, because ' + frame.certificate
+    ]];
+  }
+  if (!frame?.certificate) return [];
+  return [['Grade of the error', 'estimated', 'Not certified: ' + frame.certificate]];
 }
 
 // The one scale of errors on the page, and its relation to that of the command line.

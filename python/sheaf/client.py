@@ -252,13 +252,15 @@ class Client:
 
     def refine(self, job: JobLike, *, samples: int | None = None,
                target_error: float | None = None, time_seconds: float | None = None,
-               cpu_seconds: float | None = None) -> Job:
+               cpu_seconds: float | None = None, certified: bool = False) -> Job:
         """Continues a job that has succeeded. Totals since its start: samples per pixel (with
-        another limit: the maximum), relMSE, and for each frame wall time and CPU time.
+        another limit: the maximum), relMSE, and for each frame wall time and CPU time. certified:
+        the relMSE is compared with the certified bound.
         """
         stop = frame_pb2.StopRule()
         if target_error is not None:
             stop.target_error = target_error
+        stop.certified = certified
         for seconds, field in ((time_seconds, "time_max"), (cpu_seconds, "cpu_max")):
             if seconds is not None:
                 getattr(stop, field).CopyFrom(_duration(seconds))

@@ -72,6 +72,7 @@ class Round:
     """A point of the curve of error against cost; totals since the start."""
     relative_mse: float
     relative_mse_upper: float
+    certified_relative_mse: float | None
     sample_count: int
     ray_count: int
     cpu_seconds: float
@@ -210,6 +211,7 @@ def _progress(message: frame_pb2.Progress) -> Progress:
 def _round(message: frame_pb2.Round) -> Round:
     return Round(
         relative_mse=message.relative_mse, relative_mse_upper=message.relative_mse_upper,
+        certified_relative_mse=message.certified_relative_mse or None,
         sample_count=message.sample_count, ray_count=message.ray_count,
         cpu_seconds=_seconds(message.cpu_duration), wall_seconds=_seconds(message.wall_duration))
 

@@ -26,6 +26,7 @@ NOT_RUN = {
     "CONTRIBUTING.md": "they build or test everything",
     "docs/accuracy.md": "they take hours",
     "docs/blender.md": "they need Blender",
+    "docs/certificate.md": "certificate_test.py has its options",
     "docs/content.md": "parts of commands",
     "docs/denoise.md": "denoise_test.py has its options, python_package_test.py its script",
     "docs/elastic.md": "they need Slurm, Kubernetes or a container engine: tests/engines",

@@ -28,7 +28,10 @@ FrameView MadeUpFrame() {
   frame.scene_size_bytes = 1234;
   frame.frame_digest = std::string(64, 'b');
   frame.settings = MadeUpSettings();
-  frame.stop = {.target_error = 0.25, .time_max = absl::Minutes(3), .cpu_max = absl::Hours(2)};
+  frame.stop = {.target_error = 0.25,
+                .time_max = absl::Minutes(3),
+                .cpu_max = absl::Hours(2),
+                .certified = true};
   frame.resumed = {std::string(64, 'c'), 55};
   frame.stop_reason = StopReason::kTargetError;
   frame.tile_count = 12;
@@ -36,8 +39,9 @@ FrameView MadeUpFrame() {
   frame.unreliable_layers = {{"caustic", 4}, {"key", 1}};
   frame.flip = 0.125;
   frame.one_sequence_gain = 1.5;
-  frame.rounds = {{0.5, 0.75, 0.25, 0, 100, 200, 1.5, 0.5, 300, 0},
-                  {0.25, 0.3125, 0, 1.25, 400, 500, 2.5, 1.25, 600, 9}};
+  frame.certificate = "X, Y and Z of a sample are at most 12.5";
+  frame.rounds = {{0.5, 0.75, 0.25, 0, 100, 200, 1.5, 0.5, 300, 0.875, 0},
+                  {0.25, 0.3125, 0, 1.25, 400, 500, 2.5, 1.25, 600, 0.4375, 9}};
   frame.is_training = true;
   frame.complete = true;
   frame.incomplete = "2 tasks are set aside";

@@ -37,6 +37,7 @@ struct TypedName {
 };
 constexpr TypedName kTypedNames[] = {{"sheaf:cellSizePx", "int"},
                                      {"sheaf:cpuSeconds", "float"},
+                                     {"sheaf:certifiedError", "float"},
                                      {"sheaf:denoisedMse", "float"},
                                      {"sheaf:depthMax", "int"},
                                      {"sheaf:flip", "float"},

@@ -220,7 +220,8 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.primaries = settings.primaries.value_or(scene.film.primaries);
   resolved.white_balance_k = scene.film.white_balance_k;
   resolved.sensor = scene.film.sensor;
-  resolved.max_component_value = scene.film.max_component_value;
+  resolved.max_component_value =
+      settings.max_component_value.value_or(scene.film.max_component_value);
   resolved.outputs = settings.outputs;
   resolved.outputs.aovs |= scene.film.outputs.aovs;
   resolved.outputs.camera_space = scene.film.outputs.camera_space;

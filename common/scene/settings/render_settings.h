@@ -56,6 +56,7 @@ struct RenderSettings {
   // The most light samples at a vertex, from 1 to kLightSamplesMax: with more than 1, the hierarchy
   // of lights is split where its estimates are uncertain. See docs/adr/0070.
   int32_t light_samples = 1;
+  std::optional<float> max_component_value;  // Otherwise the scene's; 0: none.
   // With eye_distance > 0, a stereo frame: FrameSettings.
   float eye_distance = 0, eye_convergence = 0;
   std::optional<TechniqueSet> techniques;  // Otherwise those of the scene's integrator.

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
+#include "common/scene/settings/sample_bound.h"
 #include "common/scene/spectrum/primaries.h"
 
 namespace sheaf::coordinator {
@@ -48,6 +49,9 @@ FrameMerge::FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_
     camera_.error_sample.emplace(spec.settings.window);
     if (has_light_) light_.error_sample.emplace(spec.settings.window);
   }
+  if (const SampleBound bound = SampleBoundOf(spec.settings); bound.most) {
+    certificate_.emplace(spec.settings.window, *bound.most);
+  }
 }
 
 FrameMerge::~FrameMerge() {
@@ -78,6 +82,7 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   Combine(index);
   std::optional<ErrorSample>& error_sample = LayerOf(index).error_sample;
   if (error_sample) error_sample->DevelopTile(root, image_.color);
+  if (certificate_) certificate_->TakeTile(root);
   signed_weights_ = signed_weights_ || HasSignedWeights(root);
   NoteNames(root, &image_);
   SetIntervals(index, root);
@@ -124,6 +129,11 @@ std::optional<double> FrameMerge::Flip() const {
   ErrorSample sum = *camera_.error_sample;
   sum.Add(*light_.error_sample);
   return EstimateFlip(image_, sum);
+}
+
+double FrameMerge::CertifiedError() const {
+  if (!certificate_ || signed_weights_) return 0;
+  return certificate_->CertifiedError(FewestSamples()).relative_mse_upper;
 }
 
 uint64_t FrameMerge::SamplesOf(uint32_t index, uint32_t cell_of_tile) const {

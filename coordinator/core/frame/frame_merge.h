@@ -22,6 +22,7 @@
 
 #include "absl/status/status.h"
 #include "common/film/cell_trees.h"
+#include "common/film/error/certificate.h"
 #include "common/film/error/flip_estimate.h"
 #include "common/film/error/mean_interval.h"
 #include "common/film/film.h"
@@ -96,6 +97,9 @@ class FrameMerge {
   // The image's FLIP (flip_estimate.h); none if the frame's replicates are not independent, or if
   // some of its pixels are not rendered. Requires: all tiles are developed.
   std::optional<double> Flip() const;
+  // The certified bound of the image's error (certificate.h); 0 if there is none. Requires: all
+  // tiles are developed.
+  double CertifiedError() const;
   const FrameImage& image() const { return image_; }
   FrameImage* mutable_image() { return &image_; }
   // Adds the light layer (light_image.h) to the image of a frame with light passes.
@@ -146,6 +150,7 @@ class FrameMerge {
   std::vector<MeanInterval> light_intervals_;  // By tile of the camera; empty without light passes.
   std::set<uint32_t> changed_;                 // In memory, not yet developed as they are.
   std::set<uint32_t> developed_since_refresh_;
+  std::optional<CertificatePlanes> certificate_;  // None if samples have no proven bound.
   bool signed_weights_ = false;
   size_t developed_count_ = 0;
 };

@@ -96,6 +96,44 @@ TEST_F(FrameMergeTest, TheImageIsOneWhateverTheOrderAndTheTasks) {
   EXPECT_NE(ImageDigest(Merged(TechniqueSet::kCamera, 32, 16, 1)->image()), digest);
 }
 
+// A certified bound needs a maximum of samples; it does not depend on the tasks.
+TEST_F(FrameMergeTest, CertifiesErrorsOfBoundedSamples) {
+  const auto certified = [this](float most, uint64_t block_samples) {
+    FrameSpec spec = SpecOf(TechniqueSet::kCamera);
+    spec.settings.max_component_value = most;
+    spec.settings.color = ColorTransport::kRgb;
+    CellGrid grid(spec, {.tile_size_px = 16});
+    FrameMerge merge(spec, std::move(grid), std::vector<uint64_t>(6, kSamples), &budget_);
+    for (uint32_t i = 0; i < merge.tile_count(); ++i) {
+      for (const SampleBlock& block : CutSamples(0, kSamples, block_samples)) {
+        FilmTile tile(merge.grid().RectOf(i), block);
+        PixelAccumulator accumulator(&tile);
+        const PixelRect& rect = tile.rect();
+        for (int32_t p = 0; p < rect.PixelCount(); ++p) {
+          const int32_t x = rect.x0 + p % rect.Width(), y = rect.y0 + p / rect.Width();
+          accumulator.Begin(x, y);
+          for (uint64_t n = block.first; n < block.End(); ++n) {
+            const uint64_t key =
+                (n * 64 + static_cast<uint64_t>(y)) * 64 + static_cast<uint64_t>(x);
+            accumulator.Add(n, {.radiance = Rgb::Gray(HashToUnit(key))});
+          }
+          accumulator.End();
+        }
+        merge.Insert(i, {std::move(tile), 1});
+      }
+    }
+    EXPECT_TRUE(merge.AllDeveloped());
+    return merge.CertifiedError();
+  };
+  const double bound = certified(2, kSamples);
+  // The error is 1 / (12 * 32) over 1 / 4 and a hundredth of it.
+  EXPECT_GT(bound, 1.0 / (12 * 32 * 0.2525));
+  EXPECT_LT(bound, 10);
+  EXPECT_EQ(certified(2, 4), bound);
+  EXPECT_GT(certified(4, kSamples), bound);
+  EXPECT_EQ(certified(0, kSamples), 0);
+}
+
 TEST_F(FrameMergeTest, LightIsAddedToTheCamerasImage) {
   const auto camera = Merged(TechniqueSet::kCamera, 32, 16, 1);
   const auto both = Merged(TechniqueSet::kCameraAndLight, 32, 16, 1);

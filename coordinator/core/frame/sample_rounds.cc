@@ -10,6 +10,7 @@
 #include "common/base/check.h"
 #include "common/math/golden_sequence.h"
 #include "common/math/normal_distribution.h"
+#include "coordinator/core/frame/certified_rounds.h"
 
 namespace sheaf::coordinator {
 namespace {
@@ -227,15 +228,30 @@ double MeasureRate(std::span<const CellRound> cells, std::span<const CellRound> 
   return (low + high) / 2;
 }
 
-RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
-                          std::span<const CellRound> cells, std::span<const CellRound> before,
-                          const RoundAllowance& allowance) {
-  SHEAF_CHECK(!cells.empty() && (before.empty() || before.size() == cells.size()));
+RoundDecision ErrorsOfRound(int round, std::span<const CellRound> cells) {
   const ErrorSums sum = SumOf(cells);
   RoundDecision decision;
   decision.relative_mse = sum.RelativeMse();
   decision.sample_count_expected = static_cast<uint64_t>(PixelSamples(cells));
   decision.relative_mse_upper = UpperBound(sum, DeviationsOf(round));
+  return decision;
+}
+
+RoundDecision DecideAfter(const RoundRecord& record, const StopRule& rule, uint64_t samples_max,
+                          std::span<const CellRound> before, const RoundAllowance& allowance) {
+  if (!rule.certified) {
+    return DecideRound(rule, samples_max, record.round, record.cells, before, allowance);
+  }
+  return DecideCertifiedRound(rule, samples_max, record.round, record.certified_upper, record.cells,
+                              before, allowance);
+}
+
+RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
+                          std::span<const CellRound> cells, std::span<const CellRound> before,
+                          const RoundAllowance& allowance) {
+  SHEAF_CHECK(!cells.empty() && (before.empty() || before.size() == cells.size()));
+  const ErrorSums sum = SumOf(cells);
+  RoundDecision decision = ErrorsOfRound(round, cells);
   if (rule.target_error > 0 && decision.relative_mse_upper <= rule.target_error) {
     decision.reason = StopReason::kTargetError;
     LookFurther(SamplesToTrust(rule.target_error, sum.pixel_count), samples_max, cells, allowance,
@@ -291,7 +307,7 @@ bool ReplayRounds(const StopRule& rule, uint64_t samples_max, std::vector<RoundR
   std::span<const CellRound> before;
   for (size_t i = 0; i < rounds->size(); ++i) {
     RoundRecord& record = (*rounds)[i];
-    RoundDecision decision = DecideRound(rule, samples_max, record.round, record.cells, before, {});
+    RoundDecision decision = DecideAfter(record, rule, samples_max, before, {});
     const bool same = decision.samples == record.samples_next;
     record.Take(std::move(decision));
     if (!same) {

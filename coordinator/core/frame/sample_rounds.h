@@ -99,6 +99,7 @@ struct RoundRecord {
   std::vector<uint64_t> samples_next;             // Empty for the last round.
   StopReason stop_reason = StopReason::kSamples;  // Set in the last round.
   double relative_mse = 0, relative_mse_upper = 0, predicted_relative_mse = 0;
+  double certified_upper = 0;          // The merged image's (certificate.h); 0 if it has none.
   uint64_t sample_count = 0;           // Pixel samples of the frame so far.
   uint64_t sample_count_expected = 0;  // See RoundDecision.
   absl::Duration wall_duration;
@@ -119,6 +120,14 @@ struct RoundAllowance {
 RoundDecision DecideRound(const StopRule& rule, uint64_t samples_max, int round,
                           std::span<const CellRound> cells, std::span<const CellRound> before,
                           const RoundAllowance& allowance);
+
+// The same for any rule: `record` is the finished round, without its decision (DecideRound, or
+// certified_rounds.h).
+RoundDecision DecideAfter(const RoundRecord& record, const StopRule& rule, uint64_t samples_max,
+                          std::span<const CellRound> before, const RoundAllowance& allowance);
+
+// A decision with the errors of a finished round alone.
+RoundDecision ErrorsOfRound(int round, std::span<const CellRound> cells);
 
 // Predicts the errors of a cell with `samples` samples per pixel if they fall at `rate`. The
 // variance of squared errors exceeds that of normal noise with equal variance in all pixels. This

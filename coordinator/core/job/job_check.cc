@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/film/light/light_part_size.h"
 #include "common/scene/settings/path_shares.h"
+#include "common/scene/settings/sample_bound.h"
 #include "common/scene/settings/stereo.h"
 #include "coordinator/core/job/cell_grid.h"
 
@@ -105,6 +106,10 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
       return absl::StrCat(what, " of ", edge_px, " px: ", SquaresOf(w, edge_px),
                           " are more than the limit of ", most, "; use larger ones");
     }
+  }
+  if (const SampleBound bound = SampleBoundOf(frame.settings);
+      frame.stop.certified && !bound.most.has_value()) {
+    return absl::StrCat("its error cannot be certified: ", bound.reason);
   }
   return "";
 }

@@ -18,6 +18,9 @@ struct StopRule {
   double target_error = 0;                             // relMSE (FrameError) to reach; 0: none.
   absl::Duration time_max = absl::InfiniteDuration();  // Wall time, from the frame's first lease.
   absl::Duration cpu_max = absl::InfiniteDuration();   // CPU time of workers for the frame.
+  // The target is compared with the certified bound (certified_rounds.h) in place of the estimated
+  // one. Requires a target.
+  bool certified = false;
   // Samples per pixel in the first round; more than the default if a frame that was rendered
   // without rounds is refined.
   uint64_t first_round_samples = kReplicateCount;

@@ -57,6 +57,10 @@ absl::StatusOr<StopRule> FromWire(const v1::StopRule& wire) {
     return Invalid("stop.target_error",
                    absl::StrCat(rule.target_error, " is outside 0 to ", kTargetErrorMax));
   }
+  rule.certified = wire.certified();
+  if (rule.certified && rule.target_error == 0) {
+    return Invalid("stop.certified", "there is no target_error to certify");
+  }
   if (wire.has_time_max()) {
     const absl::StatusOr<absl::Duration> time = FromWire("stop.time_max", wire.time_max());
     if (!time.ok()) return time.status();

@@ -66,7 +66,8 @@ struct RoundView {
   uint64_t ray_count = 0;
   double cpu_seconds = 0, wall_seconds = 0;
   uint64_t part_bytes = 0;
-  uint64_t preview_version = 0;  // The version of RoundPreview(); 0: not kept.
+  double certified_relative_mse = 0;  // RoundRecord::certified_upper.
+  uint64_t preview_version = 0;       // The version of RoundPreview(); 0: not kept.
 };
 inline const char* ViewName(const RoundView&) { return "Round"; }
 template <MaybeConst<RoundView> View, typename Visitor>
@@ -80,6 +81,7 @@ void VisitFields(View& round, const Visitor& visit) {
   visit(ViewField{"cpu_duration_seconds"}, round.cpu_seconds);
   visit(ViewField{"wall_duration_seconds"}, round.wall_seconds);
   visit(ViewField{"part_bytes"}, round.part_bytes);
+  visit(ViewField{"certified_relative_mse"}, round.certified_relative_mse);
   visit(ViewField{.name = "preview_version", .shown = ViewField::Shown::kOnlyHttp},
         round.preview_version);
 }
@@ -132,10 +134,12 @@ struct FrameView {
   std::vector<LayerCount> unreliable_layers;  // The causes, if the frame has layers.
   std::optional<double> flip;                 // At delivery.
   std::optional<double> one_sequence_gain;    // OneSequenceGain; for frames without a stop rule.
-  std::vector<RoundView> rounds;              // Ascending; empty without rounds, and in ListJobs.
-  bool is_training = false;  // Whether its guiding field is still to be trained, though begun.
-  bool complete = false;     // Whether the EXR is delivered.
-  std::string incomplete;    // Why it ended without an image; empty otherwise.
+  // The proof of the bound of samples, or why the error has no certificate (SampleBound::reason).
+  std::string certificate;
+  std::vector<RoundView> rounds;  // Ascending; empty without rounds, and in ListJobs.
+  bool is_training = false;       // Whether its guiding field is still to be trained, though begun.
+  bool complete = false;          // Whether the EXR is delivered.
+  std::string incomplete;         // Why it ended without an image; empty otherwise.
   // Says that it waits for another job's frame or for approval; or empty.
   std::string waiting_reason;
   // At most kSetAsideShownMax of set_aside_count; empty in ListJobs.
@@ -172,6 +176,7 @@ void VisitFields(View& frame, const Visitor& visit) {
   visit(ViewField{"unreliable_tile_count"}, frame.unreliable_tile_count);
   visit(ViewField{"unreliable_layers"}, frame.unreliable_layers);
   visit(ViewField{"flip"}, frame.flip);
+  visit(ViewField{"certificate"}, frame.certificate);
   visit(ViewField{"correction_count"}, frame.correction_count);
   visit(ViewField{"one_sequence_gain"}, frame.one_sequence_gain);
   visit(ViewField{.name = "settings",

@@ -56,6 +56,7 @@ void VisitFields(View& rule, const Visitor& visit) {
   visit(ViewField{.name = "target_error", .null_if_empty = true}, rule.target_error);
   visit(ViewField{"time_max_seconds"}, rule.time_max);
   visit(ViewField{"cpu_max_seconds"}, rule.cpu_max);
+  visit(ViewField{"certified"}, rule.certified);
 }
 
 inline const char* ViewName(const Partition&) { return "Partition"; }

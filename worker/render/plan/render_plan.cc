@@ -19,6 +19,7 @@
 #include "worker/render/geometry/bilinear_patch.h"
 #include "worker/render/light/light_choice.h"
 #include "worker/render/medium/similarity.h"
+#include "worker/render/plan/film_notes.h"
 #include "worker/render/plan/material_traits.h"
 #include "worker/render/plan/specular_surfaces.h"
 #include "worker/render/plan/trait_names.h"
@@ -64,7 +65,7 @@ class PlanMaker {
     for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
       plan.notes.push_back(std::move(note));
     }
-    NoteFilm(settings, &plan);
+    AddFilmNotes(settings, Has(plan.traits, Trait::kSpectral), &plan.notes);
     if (std::string note = ComparisonNote(scene_, settings); !note.empty()) {
       plan.notes.push_back(std::move(note));
     }
@@ -306,20 +307,6 @@ class PlanMaker {
     return diffuse != nullptr && diffuse->reflectance.texture == kNone &&
            diffuse->reflectance.value.kind == ColorSpec::Kind::kRgb &&
            !diffuse->reflectance.value.is_out_of_gamut && diffuse->reflectance.value.rgb.IsBlack();
-  }
-
-  // Notes settings with which the film shows something other than the light of the scene.
-  static void NoteFilm(const FrameSettings& settings, RenderPlan* plan) {
-    if (!settings.sensor.empty() && !Has(plan->traits, Trait::kSpectral)) {
-      plan->notes.push_back(
-          absl::StrCat("sensor: rgb transport has no wavelengths for ", settings.sensor,
-                       "; colors are those of the CIE observer, with the sensor's white balance"));
-    }
-    if (settings.max_component_value != 0) {
-      plan->notes.push_back(
-          absl::StrCat("biased: samples are clamped to ", settings.max_component_value,
-                       " (Film \"maxcomponentvalue\"); errors are those of the clamped image"));
-    }
   }
 
   void NoteTechniques(TechniqueSet techniques, RenderPlan* plan) const {

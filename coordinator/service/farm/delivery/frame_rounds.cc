@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "common/base/check.h"
 #include "common/base/log.h"
+#include "common/scene/settings/sample_bound.h"
 #include "coordinator/core/frame/cell_errors.h"
 #include "coordinator/core/frame/error_curve.h"
 
@@ -64,8 +65,9 @@ absl::StatusOr<bool> FrameRounds::Finish(OpenFrame* frame, const FrameId& id) {
   const StopRule& rule = frame->spec.stop;
   allowance.time = Allowed(record.sample_count, record.wall_duration, rule.time_max);
   allowance.cpu = Allowed(record.sample_count, record.cost.cpu_duration, rule.cpu_max);
-  RoundDecision decision = DecideRound(rule, frame->spec.settings.samples, record.round,
-                                       record.cells, before, allowance);
+  record.certified_upper = frame->merge.CertifiedError();
+  RoundDecision decision =
+      DecideAfter(record, rule, frame->spec.settings.samples, before, allowance);
   record.Take(std::move(decision));
   const bool ended = record.samples_next.empty();
   absl::Status stored = store_.AddRound(id, record);
@@ -111,6 +113,7 @@ void FrameRounds::NotePoint(OpenFrame* frame, const FrameId& id, bool ended) {
   record.relative_mse = sum.RelativeMse();
   record.relative_mse_upper = record.relative_mse + kPointDeviations * sum.Deviation();
   record.sample_count_expected = record.sample_count;
+  if (ended) record.certified_upper = frame->merge.CertifiedError();
   frame->next_point_samples = NextPoint(record);
   {
     const MutexLock lock(&tables_.mutex);
@@ -146,6 +149,10 @@ void FrameRounds::AddMetadata(const FrameId& id, FrameImage* image) const {
   }
   if (spec.stop.target_error > 0) {
     image->metadata["targetError"] = absl::StrFormat("%.6g", spec.stop.target_error);
+  }
+  if (const double certified = rounds.back().certified_upper; certified > 0) {
+    image->metadata["certifiedError"] = absl::StrFormat("%.6g", certified);
+    image->metadata["certificate"] = SampleBoundOf(spec.settings).reason;
   }
   if (!(rounds.back().relative_mse > 0)) return;  // It is unknown.
   image->metadata[kErrorCurveKey] = FormatErrorCurve(rounds, spec.settings.window.PixelCount());

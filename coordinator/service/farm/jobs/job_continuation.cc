@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "common/scene/settings/sample_bound.h"
 #include "coordinator/core/job/job_approval.h"
 #include "coordinator/core/job/job_check.h"
 #include "coordinator/service/farm/jobs/job_ends.h"
@@ -127,6 +128,11 @@ absl::Status JobContinuation::CheckRefinement(const JobRecord& job,
       return absl::InvalidArgumentError(absl::StrCat(refinement.samples,
                                                      " samples are more than the limit of ",
                                                      context_.options.limits.samples_max));
+    }
+    const SampleBound bound = SampleBoundOf(frame.settings());
+    if (refinement.stop.certified && !bound.most.has_value()) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": the error of frame ", frame.number(),
+                                                     " cannot be certified: ", bound.reason));
     }
     const uint64_t samples = frame.settings().samples;
     if (frame.stop().IsActive()) {

@@ -11,6 +11,7 @@
 #include "absl/hash/hash.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "common/scene/settings/sample_bound.h"
 #include "coordinator/core/job/job_approval.h"
 #include "coordinator/service/farm/queries/frame_previews.h"
 
@@ -78,7 +79,7 @@ std::vector<RoundView> ViewsOf(const FrameId& frame, const std::vector<RoundReco
     views.push_back({round.relative_mse, round.relative_mse_upper, round.predicted_relative_mse,
                      foretold > 0 ? round.relative_mse / foretold : 0, round.sample_count,
                      round.cost.ray_count, Seconds(round.cost.cpu_duration),
-                     Seconds(round.wall_duration), round.cost.part_bytes,
+                     Seconds(round.wall_duration), round.cost.part_bytes, round.certified_upper,
                      previews.VersionOf(frame, round.round)});
   }
   return views;
@@ -244,6 +245,7 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
     view.scene_digest = std::move(spec.scene.sha256_hex);
     view.scene_size_bytes = spec.scene.size_bytes;
     view.frame_digest = std::move(spec.frame_digest);
+    view.certificate = SampleBoundOf(spec.settings).reason;
     view.settings = std::move(spec.settings);
     view.stop = spec.stop;
     view.resumed = std::move(spec.resumed);
