@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "cli/commands/farm_command.h"
+#include "cli/commands/stop_options.h"
 #include "cli/job/follow_job.h"
 #include "cli/job/job_json.h"
 #include "cli/progress_line.h"

@@ -74,6 +74,7 @@ export interface StopRule {
   target_error: number|null;
   time_max_seconds: number|null;
   cpu_max_seconds: number|null;
+  certified: boolean;
 }
 
 export interface Round {
@@ -86,6 +87,7 @@ export interface Round {
   cpu_duration_seconds: number;
   wall_duration_seconds: number;
   part_bytes: number;
+  certified_relative_mse: number;
   preview_version: number;
 }
 
@@ -124,6 +126,7 @@ export interface Frame {
   unreliable_tile_count: number;
   unreliable_layers: UnreliableLayer[];
   flip: number|null;
+  certificate: string;
   correction_count: number;
   one_sequence_gain: number|null;
   depth_max: number;

@@ -51,7 +51,8 @@ CREATE TABLE frames(
   max_component_value REAL NOT NULL DEFAULT 0, correction_count INTEGER NOT NULL DEFAULT 0,
   seal INTEGER NOT NULL DEFAULT 0, techniques INTEGER NOT NULL DEFAULT 0,
   light_samples_max INTEGER NOT NULL DEFAULT 0, eye_distance REAL NOT NULL DEFAULT 0,
-  eye_convergence REAL NOT NULL DEFAULT 0, PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
+  eye_convergence REAL NOT NULL DEFAULT 0, certified INTEGER NOT NULL DEFAULT 0,
+  PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
 
 CREATE TABLE jobs(
   job_id INTEGER PRIMARY KEY AUTOINCREMENT, request_id TEXT NOT NULL UNIQUE, title TEXT NOT NULL,
@@ -97,6 +98,7 @@ CREATE TABLE rounds(
   sample_count_expected INTEGER NOT NULL, wall_ns INTEGER NOT NULL, ray_count INTEGER NOT NULL,
   nonfinite_count INTEGER NOT NULL, cpu_ns INTEGER NOT NULL, part_bytes INTEGER NOT NULL,
   stop_reason INTEGER NOT NULL, tiles BLOB NOT NULL, seal INTEGER NOT NULL DEFAULT 0,
+  certified_upper REAL NOT NULL DEFAULT 0,
   PRIMARY KEY(job_id, frame_number, round)) WITHOUT ROWID;
 
 CREATE TABLE shares(
