@@ -11,12 +11,19 @@
 namespace sheaf::coordinator {
 namespace {
 
+// The estimated bound at which the frame ends although its certified one is above the target.
+double EstimateToEnd(double target, double certified, const RoundDecision& decision) {
+  const bool is_out_of_reach = certified - decision.relative_mse >= target;
+  return is_out_of_reach ? target : kCertificateOutOfReach * target;
+}
+
 // Whether the frame is expected to end at `samples` samples per pixel. The certified bound exceeds
 // the estimate by an amount that hardly falls with more samples.
 bool IsExpectedToEnd(double samples, double now, double rate, double target, double certified,
                      const RoundDecision& decision) {
   const double factor = std::pow(now / samples, rate);
-  if (decision.relative_mse_upper * factor <= kCertificateOutOfReach * target) return true;
+  if (decision.relative_mse_upper * factor <= EstimateToEnd(target, certified, decision))
+    return true;
   return certified > 0 &&
          decision.relative_mse * factor + (certified - decision.relative_mse) <= target;
 }
@@ -32,7 +39,7 @@ RoundDecision DecideCertifiedRound(const StopRule& rule, uint64_t samples_max, i
   uint64_t now = 0;
   for (const CellRound& cell : cells) now = std::max(now, cell.samples);
   if ((certified_upper > 0 && certified_upper <= rule.target_error) ||
-      decision.relative_mse_upper <= kCertificateOutOfReach * rule.target_error) {
+      decision.relative_mse_upper <= EstimateToEnd(rule.target_error, certified_upper, decision)) {
     decision.reason = StopReason::kTargetError;
     return decision;
   }

@@ -13,9 +13,10 @@
 
 namespace sheaf::coordinator {
 
-// A frame also ends if its estimated bound is at most this fraction of the target while the
-// certified one is above it: what is missing is not samples, but pixels or a smaller maximum of a
-// sample.
+// The certified bound exceeds the estimate by an amount that hardly falls with more samples. If
+// that alone is above the target, the frame ends where the estimated bound reaches the target;
+// otherwise also where that bound is at most this fraction of the target. Either way more pixels or
+// a smaller maximum of a sample would help, not more samples.
 inline constexpr double kCertificateOutOfReach = 0.25;
 
 // As DecideRound, for a rule that asks for a certified error. certified_upper: of the merged image;

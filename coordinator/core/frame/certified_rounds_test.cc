@@ -60,12 +60,18 @@ TEST(CertifiedRoundsTest, EndsAtTheFirstBoundBelowTheTarget) {
   EXPECT_EQ(last.cells[0].samples, 384u);  // 2 / 384 + 0.004; 2 / 256 is too much.
 }
 
-// No number of samples gives a bound of the target.
+// No number of samples gives a certified bound of the target.
 TEST(CertifiedRoundsTest, EndsWhereMoreSamplesDoNotHelp) {
-  const std::vector<RoundRecord> records = RunCertified(Certified(0.01), 0.02);
-  EXPECT_LE(records.back().relative_mse_upper, kCertificateOutOfReach * 0.01);
-  EXPECT_LT(records.back().cells[0].samples, kMost);
-  EXPECT_GT(records.back().certified_upper, 0.01);
+  const std::vector<RoundRecord> far = RunCertified(Certified(0.01), 0.02);
+  EXPECT_LE(far.back().relative_mse_upper, 0.01);
+  EXPECT_GT(far.back().relative_mse_upper, kCertificateOutOfReach * 0.01);
+  const std::vector<RoundRecord> near = RunCertified(Certified(0.01), 0.00999);
+  EXPECT_LE(near.back().relative_mse_upper, kCertificateOutOfReach * 0.01);
+  for (const auto& records : {far, near}) {
+    EXPECT_LT(records.back().cells[0].samples, kMost);
+    EXPECT_GT(records.back().certified_upper, 0.01);
+    EXPECT_EQ(records.back().stop_reason, StopReason::kTargetError);
+  }
 }
 
 TEST(CertifiedRoundsTest, EndsAtTheMaximum) {
