@@ -37,6 +37,8 @@ constexpr const char* kKnownExtensions[] = {
 };
 // Those that have messages of their own where they are used.
 constexpr const char* kNamedElsewhere[] = {"KHR_texture_basisu"};
+// Those whose files have all that is needed without them, even if they call them required.
+constexpr const char* kChoices[] = {"KHR_materials_variants"};
 
 template <typename List>
 bool Contains(const List& list, const std::string& name) {
@@ -50,7 +52,8 @@ void CheckExtensions(const tinygltf::Model& model, Diagnostics* diagnostics) {
   for (const std::string& name : model.extensionsUsed) {
     if (Contains(kKnownExtensions, name) || Contains(kNamedElsewhere, name)) continue;
     const auto& required = model.extensionsRequired;
-    if (std::find(required.begin(), required.end(), name) == required.end()) {
+    if (std::find(required.begin(), required.end(), name) == required.end() ||
+        Contains(kChoices, name)) {
       diagnostics->Note(kFile, absl::StrCat("the extension ", name, " has no effect"));
     } else {
       diagnostics->Error(kFile, absl::StrCat("needs the extension ", name,

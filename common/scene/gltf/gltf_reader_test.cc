@@ -228,6 +228,15 @@ TEST(GltfReaderTest, WhatIsLeftOutIsNotedOnceWithItsCount) {
                                "file shows, and is left out"));
 }
 
+// A file with variants has default materials; some exporters call the extension required.
+TEST(GltfReaderTest, VariantsShowTheDefaultMaterials) {
+  const auto read = Read(File(R"("materials": [{}], "nodes": [{"mesh": 0}], "scenes": [{"nodes":
+    [0]}], "extensionsUsed": ["KHR_materials_variants"],
+    "extensionsRequired": ["KHR_materials_variants"])"));
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_THAT(Notes(*read), HasSubstr("the extension KHR_materials_variants has no effect"));
+}
+
 TEST(GltfReaderTest, CamerasAndLights) {
   const std::string rest = R"("materials": [{}], "cameras": [
     {"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1, "aspectRatio": 2}},

@@ -7,22 +7,25 @@
 namespace sheaf {
 
 std::string WhyNoSharing(const FrameSettings& settings) {
+  const std::string who = settings.IsStereo() ? "eyes" : "pixels";
   if (!(settings.window == PixelRect{0, 0, settings.width_px, settings.height_px})) {
-    return "a frame whose pixels share paths is rendered whole; remove the crop";
+    return absl::StrCat("a frame whose ", who, " share paths is rendered whole; remove the crop");
   }
   const TechniqueSet others = settings.techniques.Without(Technique::kSharing);
   if (!(others == TechniqueSet::kCamera)) {
-    return absl::StrCat("pixels share paths from the camera alone, not those of the techniques ",
-                        others.Name(), "; give camera+sharing or camera+sharing+views");
+    return absl::StrCat(who, " share paths from the camera alone, not those of the techniques ",
+                        others.Name(),
+                        "; use --techniques camera, camera+sharing or camera+sharing+views");
   }
   if (settings.light_samples != 0) {
-    return "pixels share one light sample at a vertex; remove --light-samples";
+    return absl::StrCat(who, " share one light sample at a vertex; remove --light-samples");
   }
   if (!settings.outputs.empty()) {
     return "an image of shared paths has no layers beside R, G, B, A, albedo, normal, depth and "
            "errors; remove the outputs";
   }
-  if (!settings.lattice.All()) return "pixels that share paths cannot be rendered alone";
+  if (!settings.lattice.All())
+    return absl::StrCat(who, " that share paths cannot be rendered alone");
   return "";
 }
 

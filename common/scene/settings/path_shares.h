@@ -17,9 +17,9 @@ inline bool HasOneTile(const FrameSettings& settings) {
   return settings.IsStereo() || SharesPaths(settings.techniques);
 }
 
-// Why the settings cannot be those of a frame that shares paths: a crop, other techniques, several
-// light samples, outputs beside the image. Empty if they can. Requires:
-// SharesPaths(settings.techniques).
+// Why the settings cannot be those of a frame whose pixels or eyes share paths: a crop, other
+// techniques, several light samples, outputs beside the image. Empty if they can. Requires:
+// HasOneTile(settings).
 std::string WhyNoSharing(const FrameSettings& settings);
 // The same as an error: kInvalidArgument. OK also for frames that do not share paths.
 absl::Status CheckSharing(const FrameSettings& settings);

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/settings/path_shares.h"
 
 namespace sheaf {
 namespace {
@@ -29,22 +30,8 @@ std::string WhyNoStereo(const FrameSettings& settings) {
   if (!AreEyeDistances(settings.eye_distance, settings.eye_convergence)) {
     return "the distance of the eyes must be above 0, and that of convergence not below";
   }
-  if (settings.width_px % 2 != 0 || !IsWholeFilm(settings)) {
-    return "both eyes are rendered whole; remove the crop";
-  }
-  if (!(settings.techniques.Without(Technique::kSharing) == TechniqueSet::kCamera)) {
-    return absl::StrCat("eyes share paths from the camera alone, not those of the techniques ",
-                        settings.techniques.Name(), "; use --techniques camera");
-  }
-  if (settings.light_samples != 0) {
-    return "eyes share one light sample at a vertex; remove --light-samples";
-  }
-  if (!settings.outputs.empty()) {
-    return "a stereo image has no layers beside R, G, B, A, albedo, normal, depth and errors; "
-           "remove the outputs";
-  }
-  if (!settings.lattice.All()) return "a few pixels of a stereo frame cannot be rendered alone";
-  return "";
+  if (settings.width_px % 2 != 0) return "both eyes are rendered whole; remove the crop";
+  return WhyNoSharing(settings);
 }
 
 absl::Status MakeStereo(const SceneDescription& scene, const RenderSettings& settings,
