@@ -111,6 +111,8 @@ constexpr OperationRule kRules[] = {
     {"GET /api/v1/counters", kView},
     {"GET /api/v1/usage", kView},
     {"POST /api/v1/gc", kOperate},
+    {"POST /api/v1/workers/{}:drain", kOperate},
+    {"POST /api/v1/workers/{}:undrain", kOperate},
     // Only the caller's own submissions, whose jobs are also the caller's.
     {"GET /api/v1/submissions", kView},
     {"GET /api/v1/submissions/{}", kSubmit},

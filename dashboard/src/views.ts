@@ -190,6 +190,7 @@ export interface Lease {
 
 export interface Worker {
   name: string;
+  identity: string;
   host: string;
   state: 'idle'|'busy'|'draining'|'lost'|'quarantined'|'stopped'|'sick';
   thread_count: number;

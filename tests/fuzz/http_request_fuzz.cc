@@ -50,6 +50,7 @@ struct ServedFarm {
                   (refinement.samples > 0 && refinement.stop.target_error >= 0));
       return absl::OkStatus();
     };
+    actions.drain_worker = [](const std::string&, bool) { return absl::OkStatus(); };
     actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
       return UsageReport();
     };

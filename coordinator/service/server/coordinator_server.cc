@@ -66,6 +66,11 @@ FarmActions ActionsOn(Farm* farm) {
     if (absl::SimpleAtoi(job_id, &id)) return farm->ChangeJob(verb, id, arguments);
     return absl::NotFoundError(absl::StrCat("jobs/", job_id, ": there is no such job"));
   };
+  actions.drain_worker = [farm](const std::string& worker_id, bool drain) -> absl::Status {
+    const ChosenWorkers chosen{.worker_ids = {worker_id}, .host = ""};
+    if (drain) return farm->DrainWorkers(chosen, /*then_exit=*/false).status();
+    return farm->UndrainWorkers(chosen).status();
+  };
   actions.read_pixel = [farm](const std::string& job, int32_t frame, int32_t x_px, int32_t y_px) {
     return farm->ReadPixel(job, frame, x_px, y_px);
   };

@@ -84,7 +84,7 @@ template <MaybeConst<WorkerView> View, typename Visitor>
 void VisitFields(View& worker, const Visitor& visit) {
   using enum ViewField::Shown;
   visit(ViewField{.name = "name", .prefix = "workers/"}, worker.worker_id);
-  visit(ViewField{.name = "identity", .shown = kNotHttp}, worker.identity);
+  visit(ViewField{"identity"}, worker.identity);
   visit(ViewField{"host"}, worker.host);
   visit(ViewField{"state"}, worker.state);
   visit(ViewField{"thread_count"}, worker.thread_count);

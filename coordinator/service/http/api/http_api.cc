@@ -182,6 +182,10 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", "/api/v1/false-color.png", [this](const Request&) { return GetFalseColor(); }},
       {"GET", frame + "/output.exr", [this](const Request& r) { return GetOutput(r); }},
       {"GET", "/api/v1/workers", [this](const Request& r) { return ListWorkers(r); }},
+      {"POST", "/api/v1/workers/{}:drain",
+       [this](const Request& r) { return DrainWorker(true, r); }},
+      {"POST", "/api/v1/workers/{}:undrain",
+       [this](const Request& r) { return DrainWorker(false, r); }},
       {"GET", "/api/v1/session",
        [](const Request& r) { return JsonResponse(SessionJson(r.caller)); }},
       {"GET", "/api/v1/usage", [this](const Request& r) { return UsageResponse(actions_, r); }},
@@ -272,6 +276,10 @@ absl::StatusOr<FrameView> HttpApi::FindFrame(const HttpRequest& request) const {
   if (!absl::SimpleAtoi(number_text, &number)) {
     return absl::InvalidArgumentError(absl::StrCat("\"", number_text, "\" is not a frame number"));
   }
+  return FindFrame(job_id, number);
+}
+
+absl::StatusOr<FrameView> HttpApi::FindFrame(const std::string& job_id, int32_t number) const {
   const absl::StatusOr<JobView> job = farm_.FindJob(job_id);
   if (!job.ok()) return job.status();
   for (const FrameView& frame : job->frames) {

@@ -47,7 +47,9 @@
 //        a layer of .../layers instead of the color; layer=light for those of kind color
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?with=jobs/8/frames/1&difference=absolute
 //        the difference from another frame's image, or its ratio (relative), in false color with
-//        X-Sheaf-Range
+//        X-Sheaf-Range; of=NAME and with_of=NAME: of layers of kind color of the two frames
+//   GET  /api/v1/jobs/ID/frames/N/preview.png?layer=NAME&range=LOW,HIGH
+//        the values at the ends of the false colors, of any image that has them
 //   GET  /api/v1/jobs/ID/frames/N/preview.png?size=full
 //        the delivered image in its own size
 //   GET  /api/v1/jobs/ID/frames/N/layers            the layers beside the color: {"layers":
@@ -58,6 +60,8 @@
 //   GET  /api/v1/false-color.png                    the false colors from low to high, one row
 //   GET  /api/v1/jobs/ID/frames/N/output.exr        the delivered image
 //   GET  /api/v1/workers?page_size&page_token       workers; all of them without page_size
+//   POST /api/v1/workers/ID:drain, ID:undrain       gives the worker no further leases, or some
+//        again; idempotent
 //   GET  /api/v1/farm                               how workers and sheaf reach the coordinator:
 //        {"grpc_port": 7400, "tls": false}; 0 for no port
 //   GET  /api/v1/session                            who is signed in: {"user": "anna", "role":
@@ -115,6 +119,8 @@ struct FarmActions {
   std::function<absl::Status(JobVerb verb, const std::string& job_id,
                              const JobArguments& arguments)>
       change_job;
+  // Drains a worker, or undoes that. Errors: those of WorkerDrains.
+  std::function<absl::Status(const std::string& worker_id, bool drain)> drain_worker;
   // All channels of a pixel. Errors: those of Farm::ReadPixel.
   std::function<absl::StatusOr<PixelView>(const std::string& job_id, int32_t frame_number,
                                           int32_t x_px, int32_t y_px)>
@@ -155,6 +161,10 @@ class HttpApi {
   // Whether the request is for an image that View makes, not for a cached preview.
   static bool IsView(const HttpRequest& request);
   absl::StatusOr<ViewedImage> View(const HttpRequest& request, const FrameView& frame) const;
+  absl::StatusOr<ViewedImage> ViewDifference(const HttpRequest& request,
+                                             const FrameView& frame) const;
+  // Drains the worker in the path, or undoes that, and responds with its new state.
+  HttpResponse DrainWorker(bool drain, const HttpRequest& request) const;
   HttpResponse CollectGarbage(const HttpRequest& request) const;
   HttpResponse GetFrame(const HttpRequest& request) const;
   HttpResponse GetPreview(const HttpRequest& request);
@@ -164,6 +174,7 @@ class HttpApi {
   HttpResponse ListCounters() const;
   // Finds the job and frame in the path. Errors: kNotFound, kInvalidArgument.
   absl::StatusOr<FrameView> FindFrame(const HttpRequest& request) const;
+  absl::StatusOr<FrameView> FindFrame(const std::string& job_id, int32_t number) const;
 
   const FarmView& farm_;
   const FarmActions actions_;

@@ -163,4 +163,18 @@ HttpResponse HttpApi::GetRefinePrice(const HttpRequest& request) const {
   return JsonResponse(RefinementPricesJson(*prices));
 }
 
+HttpResponse HttpApi::DrainWorker(bool drain, const HttpRequest& request) const {
+  const std::string& worker_id = request.path_parameters[0];
+  const absl::Status done = actions_.drain_worker(worker_id, drain);
+  if (access_ != nullptr) {
+    access_->NoteActInAudit(request, absl::StrCat("workers/", worker_id), done);
+  }
+  if (!done.ok()) return HttpErrorFromStatus(done);
+  for (const WorkerView& worker : farm_.ListWorkers()) {
+    if (worker.worker_id == worker_id) return JsonResponse(WorkerJson(worker, JsonFields::kHttp));
+  }
+  return HttpErrorFromStatus(
+      absl::NotFoundError(absl::StrCat("workers/", worker_id, ": there is no such worker")));
+}
+
 }  // namespace sheaf::coordinator

@@ -107,6 +107,40 @@ absl::StatusOr<DisplayImage> MakeColorDisplay(const FrameImage& image,
   return MakeDisplayImage(*color, as, full_size);
 }
 
+// "LOW,HIGH"; "": none.
+absl::StatusOr<ChosenRange> ParseRange(const std::string& text) {
+  if (text.empty()) return std::nullopt;
+  const std::vector<std::string> ends = absl::StrSplit(text, ',');
+  LayerRange range;
+  if (ends.size() == 2 && absl::SimpleAtod(ends[0], &range.low) &&
+      absl::SimpleAtod(ends[1], &range.high) && std::isfinite(range.low) &&
+      std::isfinite(range.high) && range.low < range.high) {
+    return range;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("range \"", text, "\" is not two numbers, the lower first, as in range=0.01,1"));
+}
+
+// The color of a frame, or a layer of kind color, as R, G and B.
+absl::StatusOr<PreviewView> ColorOf(const FarmView& farm, const std::string& job_id,
+                                    const FrameView& frame, const std::string& of) {
+  const absl::StatusOr<std::optional<ChannelLayer>> layer =
+      ParseLayer(of, /*full_size=*/false, frame);
+  if (!layer.ok()) return layer.status();
+  if (layer->has_value() && (*layer)->kind != ChannelKind::kColor) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("layer \"", of, "\" is not a color, and has no difference"));
+  }
+  const std::vector<std::string> channels =
+      layer->has_value() ? (*layer)->channels : kColorChannels;
+  absl::StatusOr<PreviewView> view = farm.Preview(job_id, frame.frame_number, channels);
+  if (!view.ok()) return view;
+  absl::StatusOr<FrameImage> color = SelectChannels(view->image, channels, kColorChannels);
+  if (!color.ok()) return color.status();
+  view->image = *std::move(color);
+  return view;
+}
+
 absl::StatusOr<int32_t> ParseCoordinate(const HttpRequest& request, const std::string& name) {
   const std::string text = QueryValue(request, name);
   int32_t value = 0;
@@ -153,36 +187,47 @@ HttpResponse HttpApi::GetPixel(const HttpRequest& request) const {
 
 bool HttpApi::IsView(const HttpRequest& request) {
   return !QueryValue(request, "of").empty() || !QueryValue(request, "with").empty() ||
-         !QueryValue(request, "exposure").empty() || QueryValue(request, "size") == "full";
+         !QueryValue(request, "exposure").empty() || !QueryValue(request, "range").empty() ||
+         QueryValue(request, "size") == "full";
+}
+
+absl::StatusOr<ViewedImage> HttpApi::ViewDifference(const HttpRequest& request,
+                                                    const FrameView& frame) const {
+  const absl::StatusOr<DifferenceKind> kind =
+      ParseDifferenceKind(QueryValue(request, "difference"));
+  if (!kind.ok()) return kind.status();
+  const absl::StatusOr<NamedFrame> other_name = ParseFrame(QueryValue(request, "with"));
+  if (!other_name.ok()) return other_name.status();
+  const absl::StatusOr<ChosenRange> range = ParseRange(QueryValue(request, "range"));
+  if (!range.ok()) return range.status();
+  const absl::StatusOr<FrameView> other_frame = FindFrame(other_name->job_id, other_name->number);
+  if (!other_frame.ok()) return other_frame.status();
+  absl::StatusOr<PreviewView> image =
+      ColorOf(farm_, request.path_parameters[0], frame, QueryValue(request, "of"));
+  if (!image.ok()) return image.status();
+  absl::StatusOr<PreviewView> other =
+      ColorOf(farm_, other_name->job_id, *other_frame, QueryValue(request, "with_of"));
+  if (!other.ok()) return other.status();
+  if (!(image->image.color.chromaticities == other->image.color.chromaticities)) {
+    const Chromaticities& to = image->image.color.chromaticities;
+    if (absl::Status same = ConvertColor(to, &other->image); !same.ok()) return same;
+  }
+  return EncodeView(MakeDifference(image->image, other->image, *kind, *range),
+                    absl::StrCat(instance_, "-", image->version, "-", other->version));
 }
 
 absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
                                           const FrameView& frame) const {
   const std::string& job_id = request.path_parameters[0];
-  const auto version_of = [this](uint64_t version) {
-    return absl::StrCat(instance_, "-", version);
-  };
-  if (const std::string with = QueryValue(request, "with"); !with.empty()) {
-    const absl::StatusOr<DifferenceKind> kind =
-        ParseDifferenceKind(QueryValue(request, "difference"));
-    if (!kind.ok()) return kind.status();
-    const absl::StatusOr<NamedFrame> other_name = ParseFrame(with);
-    if (!other_name.ok()) return other_name.status();
-    absl::StatusOr<PreviewView> image = farm_.Preview(job_id, frame.frame_number, {"R", "G", "B"});
-    if (!image.ok()) return image.status();
-    absl::StatusOr<PreviewView> other =
-        farm_.Preview(other_name->job_id, other_name->number, {"R", "G", "B"});
-    if (!other.ok()) return other.status();
-    if (!(image->image.color.chromaticities == other->image.color.chromaticities)) {
-      const Chromaticities& to = image->image.color.chromaticities;
-      if (absl::Status same = ConvertColor(to, &other->image); !same.ok()) return same;
-    }
-    return EncodeView(MakeDifference(image->image, other->image, *kind),
-                      absl::StrCat(version_of(image->version), "-", other->version));
-  }
+  if (!QueryValue(request, "with").empty()) return ViewDifference(request, frame);
+  const std::string of = QueryValue(request, "of");
+  const bool full_size = QueryValue(request, "size") == "full";
+  const absl::StatusOr<ChosenRange> range = ParseRange(QueryValue(request, "range"));
+  if (!range.ok()) return range.status();
   const std::string name = QueryValue(request, "layer");
   const std::optional<ImageLayer> as = ImageLayerFromName(name);
-  if (!as || (*as != ImageLayer::kImage && *as != ImageLayer::kLight)) {
+  const bool is_ranged = range->has_value() && of.empty() && !full_size;
+  if (!as || (*as != ImageLayer::kImage && *as != ImageLayer::kLight && !is_ranged)) {
     return absl::InvalidArgumentError(absl::StrCat(
         "layer \"", name, "\" is neither image nor light, as of=, exposure= and size=full need"));
   }
@@ -190,8 +235,6 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
   if (!exposure.ok()) {
     return absl::InvalidArgumentError(absl::StrCat("exposure: ", exposure.status().message()));
   }
-  const std::string of = QueryValue(request, "of");
-  const bool full_size = QueryValue(request, "size") == "full";
   const absl::StatusOr<std::optional<ChannelLayer>> layer = ParseLayer(of, full_size, frame);
   if (!layer.ok()) return layer.status();
   if (full_size && !frame.complete) {
@@ -200,13 +243,16 @@ absl::StatusOr<ViewedImage> HttpApi::View(const HttpRequest& request,
                      " is not complete yet, and has no full-size image; omit size=full"));
   }
   const std::vector<std::string> channels =
-      layer->has_value() ? SourceChannels(**layer) : kColorChannels;
+      layer->has_value() ? SourceChannels(**layer) : ChannelsOf(*as);
   const absl::StatusOr<PreviewView> view = farm_.Preview(job_id, frame.frame_number, channels);
   if (!view.ok()) return view.status();
+  const std::string version = absl::StrCat(instance_, "-", view->version);
+  if (!layer->has_value() && *as != ImageLayer::kImage && *as != ImageLayer::kLight)
+    return EncodeView(MakeDisplayImage(view->image, *as, full_size, *range), version);
   const bool is_color = !layer->has_value() || (*layer)->kind == ChannelKind::kColor;
   return EncodeView(is_color ? MakeColorDisplay(view->image, channels, *exposure, *as, full_size)
-                             : MakeChannelDisplay(view->image, **layer, *as),
-                    version_of(view->version));
+                             : MakeChannelDisplay(view->image, **layer, *as, *range),
+                    version);
 }
 
 HttpResponse HttpApi::GetFarm() const {

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Requests for layers, differences, pixels and images in full size, for the address of the farm,
-// and to delete a job.
+// to delete a job, and to drain a worker.
 #include <limits>
 #include <string>
 
@@ -35,6 +35,11 @@ class HttpViewingTest : public ::testing::Test {
       if (verb == JobVerb::kDeleteJob) deleted_ = job_id;
       return absl::OkStatus();
     };
+    actions.drain_worker = [this](const std::string& worker_id, bool drain) -> absl::Status {
+      if (worker_id != "w-1") return absl::NotFoundError("no such worker");
+      absl::StrAppend(&drains_, worker_id, drain ? " drained " : " undrained ");
+      return absl::OkStatus();
+    };
     actions.address = [] { return FarmAddress{7411, true}; };
     return actions;
   }
@@ -48,15 +53,18 @@ class HttpViewingTest : public ::testing::Test {
   HttpResponse Preview(const std::string& query) {
     return Send("GET", absl::StrCat("jobs/3/frames/1/preview.png?", query));
   }
-  static bool HasRange(const HttpResponse& response) {
+  // "LOW HIGH"; empty without.
+  static std::string RangeOf(const HttpResponse& response) {
     for (const auto& [name, value] : response.headers) {
-      if (name == kRangeHeader) return true;
+      if (name == kRangeHeader) return value;
     }
-    return false;
+    return "";
   }
+  static bool HasRange(const HttpResponse& response) { return !RangeOf(response).empty(); }
 
   FakeFarm farm_;
   std::string deleted_;
+  std::string drains_;
   HttpApi api_;
   HttpRouter router_;
 };
@@ -94,6 +102,57 @@ TEST_F(HttpViewingTest, DifferencesOfTwoFramesAreShown) {
   }
   EXPECT_EQ(Preview("with=jobs/4/frames/1&difference=other").status, 400);
   EXPECT_EQ(Preview("with=jobs/4&difference=absolute").status, 400);
+}
+
+// Regression: a layer and the color of one frame had no difference.
+TEST_F(HttpViewingTest, DifferencesOfLayersAreShown) {
+  FrameView& frame = farm_.jobs[0].frames[0];
+  AddDenoised(&frame.settings.outputs);
+  FrameImage& image = farm_.preview.image;
+  image = MakeFrameImage({0, 0, 2, 1}, 2, 1, frame.settings.outputs);
+  for (const char* channel : {"R", "G", "B"}) {
+    *image.Find(channel) = {0.25f, 1};
+    *image.Find(absl::StrCat("denoised.", channel)) = {0.5f, 1};
+  }
+  const std::string with = "with=jobs/3/frames/1&difference=absolute";
+  EXPECT_EQ(RangeOf(Preview(with)), "0 0") << "the same image";
+  EXPECT_EQ(RangeOf(Preview(with + "&with_of=denoised")), "0.00025 0.25");
+  EXPECT_EQ(RangeOf(Preview(with + "&of=denoised&with_of=denoised")), "0 0");
+  EXPECT_EQ(Preview(with + "&with_of=depth").status, 400);
+  EXPECT_EQ(Preview(with + "&with_of=nothing").status, 404);
+}
+
+TEST_F(HttpViewingTest, FalseColorsHaveTheRangeThatAViewerChooses) {
+  farm_.preview.image.channel_names[7] = "depth.Z";
+  for (const char* query :
+       {"layer=error", "layer=samples", "of=depth", "with=jobs/4/frames/1&difference=relative"}) {
+    const std::string automatic = Preview(query).body;
+    const HttpResponse chosen = Preview(absl::StrCat(query, "&range=0.001,1000"));
+    EXPECT_EQ(chosen.status, 200) << chosen.body;
+    EXPECT_EQ(RangeOf(chosen), "0.001 1000") << query;
+    // The compared images are equal, and have the lowest color in any range.
+    if (!absl::StartsWith(query, "with=")) {
+      EXPECT_NE(chosen.body, automatic) << query;
+    }
+  }
+  EXPECT_EQ(Preview("layer=error&range=0,1").status, 200) << "a logarithmic scale from 0";
+  for (const char* range : {"1", "1,0.5", "1,1", "a,b", "nan,1", "0,inf", "1,2,3"}) {
+    EXPECT_EQ(Preview(absl::StrCat("layer=error&range=", range)).status, 400) << range;
+  }
+}
+
+TEST_F(HttpViewingTest, WorkersAreDrained) {
+  farm_.workers.resize(1);
+  farm_.workers[0].worker_id = "w-1";
+  farm_.workers[0].identity = "worker:node7";
+  const HttpResponse drained = Send("POST", "workers/w-1:drain");
+  EXPECT_EQ(drained.status, 200) << drained.body;
+  EXPECT_TRUE(absl::StrContains(drained.body, R"("identity":"worker:node7")")) << drained.body;
+  EXPECT_EQ(drains_, "w-1 drained ");
+  EXPECT_EQ(Send("POST", "workers/w-1:undrain").status, 200);
+  EXPECT_EQ(drains_, "w-1 drained w-1 undrained ");
+  EXPECT_EQ(Send("POST", "workers/w-2:drain").status, 404);
+  EXPECT_EQ(Send("GET", "workers/w-1:drain").status, 405);
 }
 
 TEST_F(HttpViewingTest, FullSizeNeedsADeliveredImage) {

@@ -147,8 +147,9 @@ DisplayImage DisplayVector(const ChannelGrid& grid, const ThreePlanes& planes) {
   });
 }
 
-DisplayImage DisplayScalar(const ChannelGrid& grid, const std::vector<float>& plane) {
-  const LayerRange range = ChannelRange(plane);
+DisplayImage DisplayScalar(const ChannelGrid& grid, const std::vector<float>& plane,
+                           const ChosenRange& chosen) {
+  const LayerRange range = chosen ? *chosen : ChannelRange(plane);
   DisplayImage display = DisplayWith(grid, [&](size_t i) {
     return std::isfinite(plane[i]) ? Viridis(ShareOfRange(range, plane[i])) : kUnknownColor;
   });
@@ -217,14 +218,14 @@ std::vector<std::string> SourceChannels(const ChannelLayer& layer) {
 }
 
 absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const ChannelLayer& layer,
-                                                ImageLayer as) {
+                                                ImageLayer as, const ChosenRange& range) {
   const bool is_error = layer.kind == ChannelKind::kError;
   if (layer.kind == ChannelKind::kColor || is_error) {
     const ImageLayer shown = is_error ? ImageLayer::kError : as;
     const absl::StatusOr<FrameImage> sources =
         SelectChannels(image, SourceChannels(layer), ChannelsOf(shown));
     if (!sources.ok()) return sources.status();
-    return MakeDisplayImage(*sources, shown);
+    return MakeDisplayImage(*sources, shown, /*full_size=*/false, range);
   }
   std::vector<const std::vector<float>*> planes;
   for (const std::string& channel : layer.channels) {
@@ -242,7 +243,7 @@ absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const C
     case ChannelKind::kId:
       return DisplayWith(grid, [&](size_t i) { return ColorOfId((*planes[0])[i]); });
     default:
-      return DisplayScalar(grid, *planes[0]);
+      return DisplayScalar(grid, *planes[0], range);
   }
 }
 

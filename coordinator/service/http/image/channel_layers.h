@@ -42,9 +42,10 @@ std::vector<ChannelLayer> ChannelLayersOf(const FilmOutputs& outputs);
 std::vector<std::string> SourceChannels(const ChannelLayer& layer);
 
 // The display of a layer, shrunk as MakeDisplayImage does. as: kImage or kLight, for colors only.
-// The range of scalars excludes the outermost hundredths. Errors: kInternal if the image lacks a
-// channel; those of MakeDisplayImage.
+// range: of scalars and errors; none: that of the values, for scalars without the outermost
+// hundredths. Errors: kInternal if the image lacks a channel; those of MakeDisplayImage.
 absl::StatusOr<DisplayImage> MakeChannelDisplay(const FrameImage& image, const ChannelLayer& layer,
-                                                ImageLayer as);
+                                                ImageLayer as,
+                                                const ChosenRange& range = std::nullopt);
 
 }  // namespace sheaf::coordinator

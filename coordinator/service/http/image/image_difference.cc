@@ -74,7 +74,7 @@ LayerRange DifferenceRange(const std::vector<float>& values) {
 }  // namespace
 
 absl::StatusOr<DisplayImage> MakeDifference(const FrameImage& image, const FrameImage& other,
-                                            DifferenceKind kind) {
+                                            DifferenceKind kind, const ChosenRange& chosen) {
   if (image.window.Width() != other.window.Width() ||
       image.window.Height() != other.window.Height()) {
     return absl::FailedPreconditionError(
@@ -105,16 +105,14 @@ absl::StatusOr<DisplayImage> MakeDifference(const FrameImage& image, const Frame
   for (int32_t y = 0; y < display.height_px; ++y) {
     for (int32_t x = 0; x < display.width_px; ++x) values.push_back(shrink.RootMean(x, y, square));
   }
-  const LayerRange range = DifferenceRange(values);
+  const LayerRange range = chosen ? *chosen : DifferenceRange(values);
   display.range = range;
   for (const float value : values) {
     if (!std::isfinite(value)) {
       display.pixels.push_back(kUnknownColor);
       continue;
     }
-    const double place =
-        value > 0 ? 1 - std::log(range.high / double{value}) / std::log(kRangeRatio) : 0;
-    display.pixels.push_back(Viridis(place));
+    display.pixels.push_back(Viridis(value > 0 ? LogarithmicPlace(range, double{value}) : 0));
   }
   return display;
 }

@@ -21,8 +21,10 @@ enum class DifferenceKind {
 
 // In false color on a logarithmic scale, shrunk as MakeDisplayImage does; equal pixels have the
 // lowest color, and the range {0, 0} means that all are equal. Pixels that are not finite in either
-// image are gray. Requires: R, G, B in both. Errors: kFailedPrecondition if the sizes differ.
+// image are gray. range: none: that of the differences. Requires: R, G, B in both. Errors:
+// kFailedPrecondition if the sizes differ.
 absl::StatusOr<DisplayImage> MakeDifference(const FrameImage& image, const FrameImage& other,
-                                            DifferenceKind kind);
+                                            DifferenceKind kind,
+                                            const ChosenRange& range = std::nullopt);
 
 }  // namespace sheaf::coordinator

@@ -154,20 +154,19 @@ LayerRange SampleRange(const std::vector<float>& counts) {
 }
 
 // Unknown values are NaN.
-void FillLogarithmic(const std::vector<float>& values, DisplayImage* display) {
-  const LayerRange range = LogarithmicRange(values);
+void FillLogarithmic(const std::vector<float>& values, const ChosenRange& chosen,
+                     DisplayImage* display) {
+  const LayerRange range = chosen ? *chosen : LogarithmicRange(values);
   display->range = range;
-  const double log_low = std::log(range.low), log_span = std::log(range.high) - log_low;
   for (const float value : values) {
     const bool known = range.high > 0 && !std::isnan(value);
-    display->pixels.push_back(
-        known ? Viridis(value > 0 ? (std::log(double{value}) - log_low) / log_span : 0)
-              : kUnknownColor);
+    display->pixels.push_back(known ? Viridis(LogarithmicPlace(range, double{value}))
+                                    : kUnknownColor);
   }
 }
 
 // Planes: R, G, B, stderr.R, stderr.G, stderr.B, samples.
-void FillError(const Source& source, DisplayImage* display) {
+void FillError(const Source& source, const ChosenRange& chosen, DisplayImage* display) {
   const std::vector<float>& samples = *source.planes[6];
   double sum = 0, count = 0;
   for (size_t i = 0; i < samples.size(); ++i) {
@@ -191,16 +190,16 @@ void FillError(const Source& source, DisplayImage* display) {
   ForEachShown(source, [&](int32_t x, int32_t y) {
     errors.push_back(std::sqrt(MeanOfSquare(source, x, y, square)));
   });
-  FillLogarithmic(errors, display);
+  FillLogarithmic(errors, chosen, display);
 }
 
-void FillSamples(const Source& source, DisplayImage* display) {
+void FillSamples(const Source& source, const ChosenRange& chosen, DisplayImage* display) {
   const std::vector<float>& samples = *source.planes[0];
   std::vector<float> counts;
   ForEachShown(source, [&](int32_t x, int32_t y) {
     counts.push_back(MeanOfSquare(source, x, y, [&](size_t i) { return double{samples[i]}; }));
   });
-  const LayerRange range = SampleRange(counts);
+  const LayerRange range = chosen ? *chosen : SampleRange(counts);
   display->range = range;
   const double span = range.high - range.low;
   for (const float count : counts) {
@@ -209,7 +208,7 @@ void FillSamples(const Source& source, DisplayImage* display) {
   }
 }
 
-void FillTime(const Source& source, DisplayImage* display) {
+void FillTime(const Source& source, const ChosenRange& chosen, DisplayImage* display) {
   const std::vector<float>& seconds = *source.planes[0];
   std::vector<float> times;
   ForEachShown(source, [&](int32_t x, int32_t y) {
@@ -217,7 +216,7 @@ void FillTime(const Source& source, DisplayImage* display) {
       return seconds[i] > 0 ? double{seconds[i]} : double{kUnknown};
     }));
   });
-  FillLogarithmic(times, display);
+  FillLogarithmic(times, chosen, display);
 }
 
 }  // namespace
@@ -246,14 +245,19 @@ std::vector<std::string> ChannelsOf(ImageLayer layer) {
   return {};
 }
 
+double LogarithmicPlace(const LayerRange& range, double value) {
+  const double low = range.low > 0 ? range.low : range.high * kRangeStartFraction;
+  return value > 0 ? (std::log(value) - std::log(low)) / (std::log(range.high) - std::log(low)) : 0;
+}
+
 absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLayer layer,
-                                              bool full_size) {
+                                              bool full_size, const ChosenRange& range) {
   const bool is_color = layer == ImageLayer::kImage || layer == ImageLayer::kLight;
   // Errors are computed in the image's own primaries, as standard errors are not converted.
   if (is_color && !(image.color.chromaticities == Chromaticities())) {
     FrameImage shown = image;
     if (absl::Status status = ConvertColor(Chromaticities(), &shown); !status.ok()) return status;
-    return MakeDisplayImage(shown, layer, full_size);
+    return MakeDisplayImage(shown, layer, full_size, range);
   }
   Source source;
   for (const std::string& channel : ChannelsOf(layer)) {
@@ -281,13 +285,13 @@ absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLaye
       FillLight(source, &display);
       break;
     case ImageLayer::kError:
-      FillError(source, &display);
+      FillError(source, range, &display);
       break;
     case ImageLayer::kSamples:
-      FillSamples(source, &display);
+      FillSamples(source, range, &display);
       break;
     case ImageLayer::kTime:
-      FillTime(source, &display);
+      FillTime(source, range, &display);
       break;
   }
   return display;

@@ -59,8 +59,19 @@ struct DisplayImage {
 // The gray of unknown values in false color, for example of pixels without enough samples.
 inline constexpr Rgb8 kUnknownColor{96, 96, 96};
 
-// full_size: not shrunk. Errors: kInternal if the image lacks a channel of ChannelsOf(layer).
+// A range that a viewer chose for false colors; none: that of the values. On logarithmic scales a
+// range that begins at 0 or below begins at kRangeStartFraction of its end.
+using ChosenRange = std::optional<LayerRange>;
+inline constexpr double kRangeStartFraction = 1e-6;
+
+// The place of a value on a logarithmic scale: 0 at the low end, 1 at the high end. Values of 0 or
+// less are at the low end. Requires: range.high > 0.
+double LogarithmicPlace(const LayerRange& range, double value);
+
+// full_size: not shrunk. range: of layers in false color. Errors: kInternal if the image lacks a
+// channel of ChannelsOf(layer).
 absl::StatusOr<DisplayImage> MakeDisplayImage(const FrameImage& image, ImageLayer layer,
-                                              bool full_size = false);
+                                              bool full_size = false,
+                                              const ChosenRange& range = std::nullopt);
 
 }  // namespace sheaf::coordinator

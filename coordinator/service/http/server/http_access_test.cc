@@ -69,6 +69,7 @@ class HttpAccessTest : public ::testing::Test {
     actions.change_job = [act](JobVerb, const std::string& id, const JobArguments&) {
       return act(id);
     };
+    actions.drain_worker = [act](const std::string& id, bool) { return act(id); };
     actions.read_pixel = [](const std::string&, int32_t, int32_t,
                             int32_t) -> absl::StatusOr<PixelView> { return PixelView(); };
     actions.list_usage = [this](const UsageQuery& query) -> absl::StatusOr<UsageReport> {
