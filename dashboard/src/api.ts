@@ -39,8 +39,11 @@ export interface View {
   layer: Layer;
   // The name of a ChannelLayer to show as image or light; '' for the color.
   of: string;
-  // The frame that differences are from; null for none.
+  // The frame that differences are from, and the layer of it as in `of`; null for none.
   other: Frame|null;
+  otherOf: string;
+  // The chosen ends of the false colors; null for those of the values.
+  range: LayerRange|null;
 }
 
 // A layer beside the color: one or three channels.
@@ -69,6 +72,14 @@ export interface LayerRange {
 export interface Preview {
   bitmap: ImageBitmap;
   range: LayerRange|null;
+}
+
+// The usage of one user's jobs on one day.
+export interface UsageRow {
+  day: string|null;
+  user: string;
+  sample_count: number;
+  cpu_seconds: number;
 }
 
 // The signed-in user; both are empty if the coordinator has no certificates.
@@ -106,8 +117,24 @@ async function errorOf(response: Response): Promise<ApiError> {
   return new ApiError(message, response.status);
 }
 
+// No answer at all: the coordinator or the network is away.
+export class UnreachableError extends Error {
+  constructor() {
+    super('the coordinator does not answer');
+  }
+}
+
+async function ask(path: string, options: RequestInit = {}): Promise<Response> {
+  try {
+    return await fetch(path, options);
+  } catch {
+    // fetch fails only if there is no answer; each browser has its own words for that.
+    throw new UnreachableError();
+  }
+}
+
 export async function request<Answer>(path: string, options: RequestInit = {}): Promise<Answer> {
-  const response = await fetch(path, {cache: 'no-store', ...options});
+  const response = await ask(path, {cache: 'no-store', ...options});
   // The session has ended, or the farm has got certificates since the page was loaded.
   if (response.status === 401) location.assign('/login');
   if (!response.ok) throw await errorOf(response);
@@ -134,6 +161,9 @@ export const listWorkers = (pageSize: number, token: string) =>
     request<WorkerPage>(BASE + 'workers' + query(pageSize, token));
 export const getFarm = () => request<FarmAddress>(BASE + 'farm');
 export const getSession = () => request<Session>(BASE + 'session');
+// The usage of each user on each day since one, such as 2026-05-01.
+export const listUsage = (since: string) =>
+    request<{usage: UsageRow[]}>(BASE + 'usage?by=user&daily=1&since=' + since);
 export const listCounters = () => request<{counters: Counter[]}>(BASE + 'counters');
 
 // The header tells the coordinator that its own page sends the request, not another site.
@@ -157,6 +187,8 @@ export const killFrame = (name: string, frame: number) => act(name, ':kill?frame
 // Removes a job that has ended, with its images.
 export const deleteJob = (name: string) =>
     request<{name: string}>(pathOf(name) + ':delete', {method: 'POST', headers: OWN_PAGE});
+export const drainWorker = (name: string, drain: boolean) => request<Worker>(
+    pathOf(name) + (drain ? ':drain' : ':undrain'), {method: 'POST', headers: OWN_PAGE});
 export const approveFrames = (name: string) => act(name, ':approve');
 export const setPriority = (name: string, priority: number) =>
     act(name, ':priority?value=' + priority);
@@ -168,13 +200,16 @@ export const falseColorPath = BASE + 'false-color.png';
 // The present image, or the image at the end of a round.
 export function previewPath(frame: Frame, view: View, round: number|null): string {
   const path = pathOf(frame.name) + '/preview.png?';
-  const {layer, of, other} = view;
+  const {layer, of, other, otherOf} = view;
+  const range = view.range ? '&range=' + view.range.low + ',' + view.range.high : '';
   if (other) {
     const kind = layer === 'relative' ? 'relative' : 'absolute';
     return path + 'difference=' + kind + '&with=' + encodeURIComponent(other.name) +
+        (of ? '&of=' + encodeURIComponent(of) : '') +
+        (otherOf ? '&with_of=' + encodeURIComponent(otherOf) : '') + range +
         '&version=' + frame.preview_version + '-' + other.preview_version;
   }
-  const what = 'layer=' + layer + (of ? '&of=' + encodeURIComponent(of) : '');
+  const what = 'layer=' + layer + (of ? '&of=' + encodeURIComponent(of) : '') + range;
   if (round === null) return path + what + '&version=' + frame.preview_version;
   return path + what + '&round=' + round + '&version=' + frame.rounds[round]?.preview_version;
 }
@@ -187,7 +222,7 @@ export const outputPngPath = (frame: Frame, stops: number) =>
 
 // The image so far; null if there is none yet. Its levels are as sent, independent of the screen.
 export async function getPreview(path: string): Promise<Preview|null> {
-  const response = await fetch(path);
+  const response = await ask(path);
   if (!response.ok) throw await errorOf(response);
   if (response.status === 204) return null;
   const bitmap = await createImageBitmap(

@@ -9,26 +9,33 @@ import './style.css';
 import './frames.css';
 import './effects.css';
 import './submit.css';
+import './table.css';
 
 import {CountersView} from './counters';
 import {byId, setText} from './dom';
 import {EffectsView} from './effects';
 import {FailuresView} from './failures';
+import {FarmViews} from './farm_views';
 import {FirstStepsView} from './first_steps';
 import * as format from './format';
 import {FramesView} from './frames';
+import {HistoryView} from './history';
 import {ImageView} from './image_view';
 import {JobActions} from './job_actions';
 import {JobDetailsView} from './job_details';
+import {JobSettingsView} from './job_settings';
 import {JobsView} from './jobs';
+import {JobsTable} from './jobs_table';
+import {startKeys} from './keys';
 import {Live} from './live';
 import {startSession} from './session';
 import {SetAsideView} from './set_aside';
-import {Store} from './store';
+import {Store, UNREACHABLE} from './store';
 import {SubmitDialog} from './submit_dialog';
 import {startTabs} from './tabs';
 import {startTheme} from './theme';
 import {WorkersView} from './workers';
+import {WorkersTable} from './workers_table';
 
 const store = new Store();
 let live: Live|null = null;
@@ -40,7 +47,12 @@ function selectJob(name: string) {
   live?.showFrames();
 }
 
+const views = new FarmViews(store, () => {
+  location.hash = store.jobName ?? '';
+});
+
 function readAddress() {
+  if (views.readAddress()) return;
   const match = /^#(jobs\/[^/]+)(\/frames\/-?\d+)?$/.exec(decodeURI(location.hash));
   if (!match?.[1]) return;
   chosen = true;
@@ -76,9 +88,14 @@ function drawHead() {
 
 function drawProblems() {
   const lines: string[] = [];
-  for (const [attempt, why] of store.problems) lines.push('Failed: ' + attempt + ' (' + why + ')');
+  for (const [attempt, why] of store.problems) lines.push(problemWords(attempt, why));
   setText(byId('problems-text'), lines.join('\n'));
   byId('problems').hidden = lines.length === 0;
+}
+
+// A coordinator that is away fails every request: the page says so once.
+function problemWords(attempt: string, why: string): string {
+  return attempt === UNREACHABLE ? why : 'Failed: ' + attempt + ' (' + why + ')';
 }
 
 startTheme();
@@ -97,6 +114,7 @@ async function startViews() {
     location.hash = name;
   };
   let made: JobActions|null = null;
+  let image: ImageView|null = null;
   const actions = () => made ??= new JobActions(store);
   const makers = [
     () => new JobsView(store, select),
@@ -105,8 +123,12 @@ async function startViews() {
     () => new FailuresView(store, actions()),
     () => new SetAsideView(store, actions()),
     () => new FramesView(store, select, () => live?.showMoreFrames()),
-    () => new ImageView(store),
+    () => image = new ImageView(store),
+    () => new JobSettingsView(store),
     () => new WorkersView(store),
+    () => new JobsTable(store, select),
+    () => new WorkersTable(store),
+    () => new HistoryView(store),
     () => new CountersView(store),
     () => new FirstStepsView(store),
     () => new SubmitDialog(store, select),
@@ -115,6 +137,7 @@ async function startViews() {
     make();
     await new Promise((done) => setTimeout(done));
   }
+  startKeys(store, views, () => image, select);
   addEventListener('hashchange', readAddress);
   readAddress();
   live = new Live(store);

@@ -71,6 +71,8 @@ function shareWords(share: number, error: number, what: string, below: string): 
 // Rounded to the first uncertain digit.
 function withError(share: number, error: number): string {
   const digits = error > 0 ? Math.max(0, Math.min(3, -Math.floor(Math.log10(100 * error)))) : 1;
+  // "100 ± 0.0 %" claims more than was measured.
+  if (share > 0.995) return 'all';
   const words = (value: number) => format.signedNumber((100 * value).toFixed(digits));
   return words(share) + ' ± ' + (100 * error).toFixed(digits) + ' %';
 }

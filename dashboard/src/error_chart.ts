@@ -66,6 +66,8 @@ const ABSCISSAS: Record<Abscissa, Axis> = {
 const AXIS_FONT_REM = 0.75;
 // Margin beyond the highest and lowest value, as a factor.
 const MARGIN = 1.15;
+// Least part of an axis on each side of its middle, as a factor: any such range has a label.
+const SPAN_MIN = 2;
 
 // The data to draw: measured positions and errors, and the end of the extrapolated line.
 interface Curve {
@@ -252,7 +254,9 @@ function dataOf(curve: Curve): uPlot.AlignedData {
 // Slightly more than the drawn range; null if there is no data.
 function range(_: uPlot, low: number|null, high: number|null): [number, number] {
   if (low === null || high === null) return [1, 10];
-  return [low / MARGIN, high * MARGIN];
+  // A young curve gets room for an octave, so that an axis has labels.
+  const middle = Math.sqrt(low * high);
+  return [Math.min(low / MARGIN, middle / SPAN_MIN), Math.max(high * MARGIN, middle * SPAN_MIN)];
 }
 
 // A description of the chart in one sentence, also for people who cannot see it.
@@ -261,7 +265,8 @@ function wordsOf(curve: Curve, abscissa: Abscissa): string {
   const {words} = ABSCISSAS[abscissa];
   const now = 'Now ±' + format.share(errors.at(-1) ?? 0) + ' ' + words(xs.at(-1) ?? 0);
   const aim = target > 0 ? '; target ±' + format.share(target) : '';
-  const lead = end ? '; extrapolates to ±' + format.share(end.error) + ' ' + words(end.x) : '';
+  const lead =
+      end ? '; dotted: extrapolated to ±' + format.share(end.error) + ' ' + words(end.x) : '';
   const other = besideXs.length > 0 ? '; compared job: ±' + format.share(besideErrors.at(-1) ?? 0) +
           ' ' + words(besideXs.at(-1) ?? 0) :
                                       '';

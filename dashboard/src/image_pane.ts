@@ -9,6 +9,8 @@ import * as api from './api';
 import type {Frame, Layer, LayerRange, View} from './api';
 import {byId, setText} from './dom';
 import {Exposure} from './exposure';
+import type {Development} from './exposure';
+import type {Histogram} from './light_bins';
 import {ImageViewport} from './image_viewport';
 import type {Store} from './store';
 import type {Size} from './view_transform';
@@ -26,7 +28,9 @@ export interface Wanted {
   // Null for the present image.
   round: number|null;
   view: View;
-  stops: number;
+  development: Development;
+  // Whether the histogram is shown.
+  histogram: boolean;
   // Text shown if there is no image.
   note: string;
 }
@@ -37,7 +41,11 @@ export interface PaneOptions {
   wanted: () => Wanted;
   onView: () => void;
   onRange: (layer: Layer, range: LayerRange|null) => void;
+  onHistogram: (histogram: Histogram|null) => void;
 }
+
+// Changes that take longer are announced in the image.
+const LOADING_SHOWN_MS = 250;
 
 export class ImagePane {
   readonly viewport: ImageViewport;
@@ -59,13 +67,19 @@ export class ImagePane {
     this.attempt = 'loading ' + what;
     this.viewport = new ImageViewport(this.box, byId(name), options.onView);
     const attempt = 'exposing ' + what;
-    this.exposure = new Exposure((key, image) => {
-      this.store.note(attempt, null);
-      if (key === this.shown)
+    this.exposure = new Exposure({
+      onImage: (key, image, range) => {
+        this.store.note(attempt, null);
+        // An older version is better than none while newer ones come faster than they are exposed.
+        if (withoutVersion(key) !== withoutVersion(this.shown)) return image.close();
         this.setImage(image);
-      else
-        image.close();
-    }, (failure) => this.store.note(attempt, failure));
+        options.onRange('light', range);
+      },
+      onHistogram: (key, histogram) => {
+        if (withoutVersion(key) === withoutVersion(this.shown)) options.onHistogram(histogram);
+      },
+      onFailure: (failure) => this.store.note(attempt, failure),
+    });
   }
 
   readonly draw = () => {
@@ -86,6 +100,12 @@ export class ImagePane {
     this.viewport.setImage(null);
     this.noteDrawn();
     this.options.onRange('image', null);
+    this.options.onHistogram(null);
+  }
+
+  private async countPalette() {
+    const copy = await this.viewport.copyOfImage();
+    if (copy) this.exposure.askPalette(this.shown, copy);
   }
 
   // Another layer or round does not wait for the next version; another exposure of light that is
@@ -93,9 +113,10 @@ export class ImagePane {
   hurry() {
     clearTimeout(this.rest);
     this.rest = undefined;
-    const {view, stops} = this.options.wanted();
-    if (this.shown && this.shown === this.wantedPath() && view.layer === 'light') {
-      this.exposure.ask(this.shown, null, stops);
+    const {view, development, histogram} = this.options.wanted();
+    if (this.shown && this.shown === this.wantedPath()) {
+      if (view.layer === 'light') this.exposure.ask(this.shown, null, development);
+      if (view.layer !== 'light' && histogram) void this.countPalette();
     }
     this.draw();
   }
@@ -127,6 +148,11 @@ export class ImagePane {
     this.fetching = true;
     const begin = performance.now();
     const {layer} = this.options.wanted().view;
+    // A newer version of the same image comes unnoticed.
+    const isOther = withoutVersion(path) !== withoutVersion(this.shown);
+    const announce = setTimeout(() => {
+      if (isOther) this.box.dataset.loading = 'yes';
+    }, LOADING_SHOWN_MS);
     try {
       const preview = await api.getPreview(path);
       this.store.note(this.attempt, null);
@@ -150,6 +176,8 @@ export class ImagePane {
         this.store.note(this.attempt, failure);
       }
     }
+    clearTimeout(announce);
+    delete this.box.dataset.loading;
     this.fetching = false;
     const changed = !isSame(this.options.wanted(), frame, path);
     const rest = Math.max(REST_MS, REFRESH_MS - (performance.now() - begin));
@@ -163,15 +191,19 @@ export class ImagePane {
   private show(path: string, layer: Layer, bitmap: ImageBitmap|null, range: LayerRange|null) {
     this.shown = path;
     this.isEmpty = bitmap === null;
-    if (bitmap && layer === 'light')
-      this.exposure.ask(path, bitmap, this.options.wanted().stops);
-    else if (bitmap)
+    const {development, histogram} = this.options.wanted();
+    if (bitmap && layer === 'light') return this.exposure.ask(path, bitmap, development);
+    if (bitmap) {
       this.setImage(bitmap);
-    else {
+    } else {
       this.viewport.setImage(null);
       this.noteDrawn();
     }
     this.options.onRange(layer, range);
+    if (bitmap && histogram)
+      void this.countPalette();
+    else
+      this.options.onHistogram(null);
   }
 
   // A round's smaller image is scaled to the size of the full one.
@@ -186,6 +218,8 @@ export class ImagePane {
     byId(this.options.name).dataset.drawn = this.shown;
   }
 }
+
+const withoutVersion = (path: string) => path.replace(/&version=.*/, '');
 
 // Whether the fetched image is still wanted, possibly in a newer version.
 function isSame(wanted: Wanted, frame: Frame, path: string): boolean {

@@ -55,6 +55,11 @@ export class ImageViewport {
     if (!this.isLed) this.lead();
   }
 
+  // Null without an image.
+  async copyOfImage(): Promise<ImageBitmap|null> {
+    return this.bitmap && await createImageBitmap(this.bitmap);
+  }
+
   // Makes `led` show the same region as this viewport; afterwards each follows the other.
   link(led: ImageViewport) {
     this.partner = led;

@@ -38,7 +38,7 @@ export class JobDetailsView {
       png.href = api.outputPngPath(frame, Number(byId<HTMLInputElement>('exposure').value));
       png.download = pngNameOf(job, frame);
     }
-    setText(byId('error-words'), errorWordsOf(job));
+    setText(byId('error-words'), errorWordsOf(job, frame));
     this.drawFacts(job, frame);
   };
 
@@ -66,7 +66,10 @@ function emptyWordsOf(store: Store): string {
 
 // The selected frame's own text, while its job continues.
 function incompleteWordsOf(frame: Frame|undefined): string {
-  return frame?.incomplete ? 'Frame ' + frame.frame_number + ' is incomplete: ' + frame.incomplete :
+  return frame?.incomplete ? 'Frame ' + frame.frame_number +
+          (frame.incomplete.startsWith('killed by ') ?
+               ' was given up by ' + frame.incomplete.slice('killed by '.length) :
+               ' is incomplete: ' + frame.incomplete) :
                              '';
 }
 
@@ -110,12 +113,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'Perceived difference between the shown frame and the converged image, from 0 to 1, ' +
           'estimated when the frame is complete'
     ],
-    [
-      'Tiles with fireflies', fireflyTilesOf(frame),
-      'In the shown frame, a few very bright samples make most of the noise of these tiles. The ' +
-          'error of the frame includes them, but error bars of their pixels may be too small. ' +
-          'More samples help. ' + mainCauseOf(frame)
-    ],
+    ...firefliesOf(frame),
     ['Samples per pixel', samplesOf(frame), 'Mean over the pixels of the shown frame'],
     ['Samples per second', sampleRateOf(progress, frame)],
     ['Rays per second', wall > 0 ? format.count(progress.ray_count / wall) : '–'],
@@ -127,7 +125,6 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'NaN/Inf samples', format.exact(progress.nonfinite_count),
       'Samples that are not a number or infinite; anything but 0 is a defect'
     ],
-    ['Created', format.clock(job.create_time)],
     ...keptOf(job),
   ];
 }
@@ -152,15 +149,16 @@ function certifiedErrorOf(frame: Frame|undefined): [string, string, string][] {
 }
 
 // The one scale of errors on the page, and its relation to that of the command line.
-function errorWordsOf(job: Job): string {
+function errorWordsOf(job: Job, frame: Frame|undefined): string {
   const now = job.progress.relative_mse ?
       ' Now: ' + format.typicalError(job.progress.relative_mse) + ', relMSE ' +
           format.error(job.progress.relative_mse) + '.' :
       '';
   return '±2 % means: the error of a pixel is typically 2 % of its value (the root mean square ' +
       'over the pixels; dark pixels count against a tenth of the image’s mean). The list, the ' +
-      'chart, targets and the layer “Standard error” use the same scale. sheaf and EXR metadata ' +
-      'give its square, the relMSE: --target-error 0.0004 is ±2 %.' + now;
+      'chart, targets and the layer “Standard error” use the same scale. sheaf submit ' +
+      '--target-error 2% stops at it. Scripts and EXR metadata have its square, the relMSE.' + now +
+      fireflyWordsOf(frame);
 }
 
 // "shot.0007.png".
@@ -190,15 +188,25 @@ function priceOfErrorBars(frame: Frame|undefined): [string, string, string][] {
   ]];
 }
 
-function fireflyTilesOf(frame: Frame|undefined): string {
-  if (!frame || !frame.complete || !frame.tile_count) return '–';
-  const [most] = frame.unreliable_layers || [];
-  return `${frame.unreliable_tile_count || 0} of ${frame.tile_count}` +
-      (most ? ` (${most.layer})` : '');
+// Where a frame was to stop at an error, fireflies decide whether to trust that it did. Elsewhere
+// the words on the error name them.
+function firefliesOf(frame: Frame|undefined): [string, string, string][] {
+  const words = fireflyWordsOf(frame);
+  if (!frame || !words || !frame.stop.target_error) return [];
+  const [most] = frame.unreliable_layers;
+  const tiles = frame.unreliable_tile_count + ' of ' + frame.tile_count;
+  return [['Tiles with fireflies', tiles + (most ? ' (' + most.layer + ')' : ''), words.trim()]];
+}
+
+function fireflyWordsOf(frame: Frame|undefined): string {
+  if (!frame || !frame.complete || !frame.unreliable_tile_count) return '';
+  return ' In ' + frame.unreliable_tile_count + ' of ' + frame.tile_count +
+      ' tiles a few very bright samples make most of the noise. The error includes them, but ' +
+      'error bars of their pixels may be too small; more samples help. ' + mainCauseOf(frame);
 }
 
 function mainCauseOf(frame: Frame|undefined): string {
-  const layers = frame?.unreliable_layers || [];
+  const layers = frame?.unreliable_layers ?? [];
   if (!layers.length)
     return 'Layers of kinds of paths (--light-paths) or sheaf study identify the cause.';
   const causes = layers.map(({layer, tile_count}) => `${layer} (${tile_count} tiles)`);
@@ -210,5 +218,7 @@ function samplesOf(frame: Frame|undefined): string {
   const {window} = frame;
   const pixels = (window.x1_px - window.x0_px) * (window.y1_px - window.y0_px);
   const mean = pixels > 0 ? frame.progress.sample_count_done / pixels : 0;
-  return (mean < 10 ? mean.toFixed(1) : Math.floor(mean)) + ' of ' + frame.sample_count;
+  const done = mean < 10 ? mean.toFixed(1) : format.exact(Math.floor(mean));
+  const all = format.exact(frame.sample_count);
+  return frame.stop.target_error ? done + ' (at most ' + all + ')' : done + ' of ' + all;
 }

@@ -6,16 +6,10 @@
 import type {Job} from './api';
 import {badge, byId, child, el, progressBar, setBadge, setProgress, setText} from './dom';
 import * as format from './format';
+import {filterJobs} from './job_filter';
 import type {Store} from './store';
 import {Thumbnails} from './thumbnails';
 import {VirtualList} from './virtual_list';
-
-// Prefixes of words in the filter that look at one field.
-const FIELDS: Record<string, (job: Job) => string> = {
-  'user:': (job) => job.owner,
-  'show:': (job) => job.show,
-  'state:': (job) => job.state,
-};
 
 export class JobsView {
   private readonly list: VirtualList<Job>;
@@ -39,10 +33,8 @@ export class JobsView {
 
   private readonly draw = () => {
     const all = this.store.jobs.sorted;
-    const words = this.filter.value.toLowerCase().split(/\s+/).filter((word) => word !== '');
-    const state = this.state.value;
-    const isFiltered = words.length > 0 || state !== '';
-    const shown = isFiltered ? all.filter((job) => matches(job, state, words)) : all;
+    const shown = filterJobs(all, this.state.value, this.filter.value);
+    const isFiltered = this.filter.value.trim() !== '' || this.state.value !== '';
     setText(
         byId('job-count'),
         isFiltered ? shown.length + ' of ' + all.length : format.exact(all.length));
@@ -56,7 +48,8 @@ export class JobsView {
     this.thumbnails.show(child(child(row, 0), 0) as HTMLImageElement, job.preview_frame);
     const words = child(row, 1);
     const [title, bottom, bar] = [child(words, 0), child(words, 1), child(words, 2)];
-    setText(title, job.title || job.name);
+    setText(child(title, 0), job.title || job.name);
+    setText(child(title, 1), format.shortName(job.name) + (job.owner ? ' · ' + job.owner : ''));
     const share = format.doneShare(job.progress);
     setBadge(child(bottom, 0), job.state);
     setText(child(bottom, 1), factsOf(job, share));
@@ -65,17 +58,6 @@ export class JobsView {
     const more = whoseOf(job);
     if (row.title !== more) row.title = more;
   }
-}
-
-function matches(job: Job, state: string, words: readonly string[]): boolean {
-  if (state && job.state !== state) return false;
-  const all = [job.title, job.state, job.name, job.owner, job.show];
-  const text = all.join(' ').toLowerCase();
-  return words.every((word) => {
-    const field = Object.keys(FIELDS).find((prefix) => word.startsWith(prefix));
-    if (!field) return text.includes(word);
-    return FIELDS[field]?.(job).toLowerCase().includes(word.slice(field.length)) ?? false;
-  });
 }
 
 // "turntable\njobs/7 of anna, show film".
@@ -87,13 +69,16 @@ function whoseOf(job: Job): string {
 function makeRow(): HTMLElement {
   return el(
       'div', {class: 'job-row'}, el('div', {class: 'job-image'}, Thumbnails.make()),
-      el('div', {class: 'job-words'}, el('span', {class: 'job-title'}),
+      el('div', {class: 'job-words'},
+         el('div', {class: 'job-line'}, el('span', {class: 'job-title'}),
+            el('span', {class: 'job-whose job-small'})),
          el('div', {class: 'job-line job-small'}, badge('queued'), el('span', {class: 'job-facts'}),
             el('span')),
          progressBar('Progress')));
 }
 
 function factsOf(job: Job, share: number): string {
+  if (job.state === 'queued' && job.waiting_reason) return job.waiting_reason;
   const facts = job.state === 'succeeded' ? [] : [format.percent(share)];
   if (job.frame_count > 1)
     facts.push(job.frame_complete_count + ' of ' + job.frame_count + ' frames');

@@ -43,6 +43,16 @@ export class LayerChoice {
     return this.layers.find((layer) => layer.name === name)?.kind === 'error';
   }
 
+  // "color", "direction" and so on; '' for the image and its own layers.
+  kindOf(name: string): string {
+    return this.layers.find((layer) => layer.name === name)?.kind ?? '';
+  }
+
+  // Whether the shown frame has it.
+  has(name: string): boolean {
+    return this.layers.some((layer) => layer.name === name);
+  }
+
   private readonly draw = () => {
     const {frame} = this.store;
     if (!frame || frame.name === this.frameName) return;

@@ -71,7 +71,9 @@ export class PixelReadout {
   }
 
   private async ask() {
-    const {frame, beside} = this.store;
+    const {frame} = this.store;
+    // A layer of the same frame is among its own values.
+    const beside = this.store.beside?.name === frame?.name ? undefined : this.store.beside;
     if (!this.place || !frame || frame.preview_version === 0 || this.asking) return;
     const place = {...this.place};
     const key = [

@@ -6,18 +6,25 @@
 // a time, so that no task takes long.
 
 import {Answers} from './answers';
+import {UnreachableError} from './api';
 import type {Counter, EffectCost, Frame, Job, Worker} from './api';
 import {WatchedCurve, curveOfRounds} from './curve';
 import type {CurveSource} from './curve';
 import {newestFirst} from './format';
 import {SortedMap} from './sorted_map';
 
-export type Topic =
-    'jobs'|'workers'|'frames'|'effects'|'counters'|'selection'|'beside'|'connection'|'problems';
+export type Topic = 'jobs'|'workers'|'frames'|'effects'|'counters'|'selection'|'beside'|
+    'connection'|'problems'|'view';
+export type FarmViewName = 'image'|'jobs'|'workers'|'history';
 export type Connection = 'live'|'connecting'|'polling'|'reconnecting';
 
 // Time limit for listeners in one task; the rest is called in the next animation frame.
 const TELL_MS_MAX = 8;
+
+// The attempt that stands for all that are repeated while the coordinator is away.
+export const UNREACHABLE = 'reaching the coordinator';
+const UNREACHABLE_WORDS = 'The coordinator does not answer; trying again.';
+const REPEATED = /^(loading|asking|reading) /;
 
 // Minimum number of rounds of a frame that make a curve.
 const ROUNDS_MIN = 2;
@@ -41,6 +48,7 @@ export class Store {
   // A frame of any job, shown beside the current one.
   beside: Frame|undefined;
   counters: Counter[] = [];
+  view: FarmViewName = 'image';
   jobName: string|null = null;
   // Whether the coordinator reports that it has no such job.
   jobMissing = false;
@@ -92,7 +100,12 @@ export class Store {
 
   // Records the result of an attempt: the failure, or null for success. Attempts that the user
   // starts also record null before they begin, so that a repeated failure is shown again.
-  note(attempt: string, failure: unknown) {
+  note(attempt: string, failure: unknown): void {
+    // Everything that is repeated fails alike while the coordinator is away: that is one problem.
+    if (failure instanceof UnreachableError && REPEATED.test(attempt))
+      return this.note(UNREACHABLE, UNREACHABLE_WORDS);
+    if (failure === null && attempt !== UNREACHABLE && REPEATED.test(attempt))
+      this.note(UNREACHABLE, null);
     const words = failure instanceof Error ? failure.message : failure === null ? '' : `${failure}`;
     if (words && this.dismissed.get(attempt) === words) return;
     this.dismissed.delete(attempt);
@@ -168,6 +181,12 @@ export class Store {
     this.touch('counters');
   }
 
+  setView(view: FarmViewName) {
+    if (this.view === view) return;
+    this.view = view;
+    this.touch('view');
+  }
+
   setConnection(connection: Connection) {
     if (this.connection === connection) return;
     this.connection = connection;
@@ -210,7 +229,7 @@ export class Store {
   // The curve of the compared frame, or the end of it; null where nothing is compared.
   get besideCurve(): CurveSource|null {
     const {beside} = this;
-    if (!beside) return null;
+    if (!beside || beside.name === this.frame?.name) return null;
     const noted = curveOfRounds(beside.rounds);
     if (noted.points.length > 0) return noted;
     const only = new WatchedCurve();

@@ -103,8 +103,9 @@ export class SubmitDialog {
     const bytes = this.bytes();
     if (this.offer && bytes > this.offer.bytes_max) {
       this.phase = 'pick';
-      this.say('The files have ' + sizeOf(bytes) + ', the limit is ' +
-               sizeOf(this.offer.bytes_max) + '; use sheaf submit.');
+      this.say(
+          'The files have ' + sizeOf(bytes) + ', the limit is ' + sizeOf(this.offer.bytes_max) +
+          '; use sheaf submit.');
     }
     this.draw();
     if (!this.dialog.open) {
@@ -137,10 +138,9 @@ export class SubmitDialog {
     const {phase} = this;
     setText(
         byId('submit-words'),
-        this.files.length === 0 ? PICK_WORDS :
-            this.files.length === 1 ?
-                                  (this.files[0]?.name ?? '') + ', ' + sizeOf(this.bytes()) :
-                                  this.files.length + ' files, ' + sizeOf(this.bytes()));
+        this.files.length === 0     ? PICK_WORDS :
+            this.files.length === 1 ? (this.files[0]?.name ?? '') + ', ' + sizeOf(this.bytes()) :
+                                      this.files.length + ' files, ' + sizeOf(this.bytes()));
     byId('submit-pick').hidden = phase !== 'pick' && phase !== 'ready';
     byId('submit-scene-box').hidden = phase !== 'choose';
     this.bar.hidden = phase !== 'busy';
@@ -164,7 +164,7 @@ export class SubmitDialog {
         scene: chosen,
         title: valueOf('submit-name'),
         samples: valueOf('submit-samples'),
-        target_error: valueOf('submit-error'),
+        target_error: relativeMseOf(valueOf('submit-error')),
       });
       if (this.submission === submission) this.show(state);
     } catch (failure) {
@@ -220,4 +220,9 @@ function sizeOf(bytes: number): string {
     unit = next;
   }
   return value.toFixed(value < 10 ? 1 : 0) + ' ' + unit;
+}
+
+// The API takes the square of the typical error of a pixel, which people give in percent.
+function relativeMseOf(percent: string): string {
+  return percent === '' ? '' : String((Number(percent) / 100) ** 2);
 }

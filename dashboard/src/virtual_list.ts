@@ -3,7 +3,8 @@
 //
 // A list or grid of any length that keeps only the visible rows in the document. Rows have one
 // height and a grid's cells one width, taken from the style sheet; rows are reused while scrolling.
-// The list is one stop of the Tab key; arrow, Home, End and page keys move the selection.
+// The list is one stop of the Tab key; arrow, Home, End and page keys move the selection. A table
+// is a list under a row of headings, in which several rows can be chosen.
 
 import {el} from './dom';
 
@@ -11,6 +12,14 @@ import {el} from './dom';
 const OVERSCAN = 6;
 // Rows made in one animation frame, so that the first layout of a long list is several short tasks.
 const ROWS_MADE_MAX = 8;
+
+export interface TableOptions<Item> {
+  head: HTMLElement;
+  isChosen: (item: Item) => boolean;
+  onClick: (index: number, event: MouseEvent) => void;
+  // index: of the selected row, or -1. Returns whether the key had an effect.
+  onKey: (event: KeyboardEvent, index: number) => boolean;
+}
 
 export interface VirtualListOptions<Item> {
   label: string;
@@ -23,6 +32,7 @@ export interface VirtualListOptions<Item> {
   keyOf: (item: Item) => string;
   // If given, items can be selected.
   onSelect?: (item: Item) => void;
+  table?: TableOptions<Item>;
 }
 
 export class VirtualList<Item> {
@@ -39,6 +49,7 @@ export class VirtualList<Item> {
   private height = 0;
   private cellWidth = 0;
   private columns = 1;
+  private headHeight = 0;
   private scrollTop = 0;
   // Rows were made in this animation frame.
   private growing = false;
@@ -49,9 +60,14 @@ export class VirtualList<Item> {
     this.onSelect = options.onSelect;
     root.classList.add('vlist');
     root.tabIndex = 0;
-    root.setAttribute('role', this.onSelect ? 'listbox' : 'list');
+    const {table} = options;
+    root.setAttribute('role', table ? 'grid' : this.onSelect ? 'listbox' : 'list');
     root.setAttribute('aria-label', options.label);
-    root.replaceChildren(this.space);
+    root.replaceChildren(...table ? [table.head] : [], this.space);
+    if (table) {
+      root.setAttribute('aria-multiselectable', 'true');
+      this.space.setAttribute('role', 'rowgroup');
+    }
     root.addEventListener('scroll', () => {
       this.scrollTop = root.scrollTop;
       this.draw(true);
@@ -76,6 +92,7 @@ export class VirtualList<Item> {
       this.cellWidth = parseFloat(style.getPropertyValue(cellWidthProperty)) * rem;
       this.columns = Math.max(1, Math.floor(this.root.clientWidth / this.cellWidth));
     }
+    this.headHeight = this.options.table?.head.offsetHeight ?? 0;
     this.scrollTop = this.root.scrollTop;
     this.draw();
   }
@@ -91,6 +108,7 @@ export class VirtualList<Item> {
     // Lets style sheets make a short list no higher than needed.
     const rowCount = Math.ceil(this.items.length / this.columns);
     this.root.style.setProperty('--row-count', String(rowCount));
+    if (this.options.table) this.root.setAttribute('aria-rowcount', String(rowCount + 1));
     const height = this.rowHeight;
     if (height === 0) return;
     this.space.style.height = rowCount * height + 'px';
@@ -111,7 +129,7 @@ export class VirtualList<Item> {
       if (!scrolled || !isDrawn) this.drawRow(row, item, index, height);
     }
     // The selected row may be scrolled out of sight, and so out of the document.
-    if (!this.rows.some((row) => row.getAttribute('aria-selected') === 'true'))
+    if (!this.rows.some((row) => row.dataset.selected === 'yes'))
       this.root.removeAttribute('aria-activedescendant');
   }
 
@@ -122,7 +140,8 @@ export class VirtualList<Item> {
     while (this.rows.length < most) {
       const row = this.options.makeRow();
       row.classList.add('vlist-row');
-      row.setAttribute('role', this.onSelect ? 'option' : 'listitem');
+      const role = this.options.table ? 'row' : this.onSelect ? 'option' : 'listitem';
+      row.setAttribute('role', role);
       this.rows.push(row);
       this.space.append(row);
     }
@@ -141,20 +160,34 @@ export class VirtualList<Item> {
     const x = index % this.columns * this.cellWidth;
     const y = Math.floor(index / this.columns) * height;
     row.style.transform = 'translate(' + x + 'px, ' + y + 'px)';
-    row.setAttribute('aria-setsize', String(this.items.length));
-    row.setAttribute('aria-posinset', String(index + 1));
-    if (this.onSelect) row.setAttribute('aria-selected', String(selected));
+    const {table} = this.options;
+    if (table) {
+      row.setAttribute('aria-rowindex', String(index + 2));
+      row.setAttribute('aria-selected', String(table.isChosen(item)));
+    } else {
+      row.setAttribute('aria-setsize', String(this.items.length));
+      row.setAttribute('aria-posinset', String(index + 1));
+      if (this.onSelect) row.setAttribute('aria-selected', String(selected));
+    }
+    row.dataset.selected = selected ? 'yes' : 'no';
     if (selected && this.onSelect) this.root.setAttribute('aria-activedescendant', row.id);
     this.options.updateRow(row, item);
   }
 
   private onClick(event: MouseEvent) {
     const row = (event.target as Element).closest<HTMLElement>('.vlist-row');
-    const item = row && this.items[Number(row.dataset.index)];
-    if (item) this.onSelect?.(item);
+    const index = Number(row?.dataset.index);
+    const item = row && this.items[index];
+    if (!item) return;
+    if (this.options.table)
+      this.options.table.onClick(index, event);
+    else
+      this.onSelect?.(item);
   }
 
   private onKey(event: KeyboardEvent) {
+    const at = this.items.findIndex((item) => this.options.keyOf(item) === this.selectedKey);
+    if (this.options.table?.onKey(event, at)) return event.preventDefault();
     const row = this.columns;
     const page = row * Math.max(1, Math.floor(this.height / this.rowHeight) - 1);
     const steps: Record<string, number> = {
@@ -169,18 +202,18 @@ export class VirtualList<Item> {
     const step = steps[event.key];
     if (step === undefined || this.items.length === 0) return;
     event.preventDefault();
-    const at = this.items.findIndex((item) => this.options.keyOf(item) === this.selectedKey);
     const to = Math.max(0, Math.min(this.items.length - 1, at + step));
     const item = this.items[to];
     this.scrollTo(to);
     if (item) this.onSelect?.(item);
   }
 
-  private scrollTo(index: number) {
+  // The selection moved to this row by other means than the list's own keys.
+  scrollTo(index: number) {
     const height = this.rowHeight;
     const top = Math.floor(index / this.columns) * height;
     if (top < this.root.scrollTop) this.root.scrollTop = top;
-    const bottom = top + height - this.root.clientHeight;
+    const bottom = top + height - this.root.clientHeight + this.headHeight;
     if (bottom > this.root.scrollTop) this.root.scrollTop = bottom;
   }
 }

@@ -8,6 +8,7 @@ import {badge, byId, child, el, setBadge, setText} from './dom';
 import * as format from './format';
 import type {Store} from './store';
 import {VirtualList} from './virtual_list';
+import {cacheOf, doingOf, titleOf} from './worker_words';
 
 // "Seen 3 s ago" changes without an event.
 const AGE_MS = 1000;
@@ -37,31 +38,16 @@ export class WorkersView {
 
   private updateRow(row: HTMLElement, worker: Worker) {
     const [top, middle, bottom] = [child(row, 0), child(row, 1), child(row, 2)];
-    const name = format.shortName(worker.name);
-    setText(
-        child(top, 0), worker.host && worker.host !== name ? name + ' on ' + worker.host : name);
-    const title = [this.doingOf(worker), worker.numeric_profile, placeOf(worker)].join('\n') +
-        scenesOf(worker);
+    setText(child(top, 0), titleOf(worker));
+    const doing = doingOf(this.store, worker);
+    const title = [doing, worker.numeric_profile, placeOf(worker)].join('\n') + scenesOf(worker);
     if (row.title !== title) row.title = title;
     setBadge(child(top, 1), worker.state);
     row.dataset.state = worker.state;
-    setText(child(middle, 0), worker.reason || this.doingOf(worker));
+    setText(child(middle, 0), worker.reason || doing);
     setText(child(middle, 1), 'seen ' + format.ago(worker.last_seen_time));
     setText(child(bottom, 0), speedOf(worker));
     setText(child(bottom, 1), cacheOf(worker));
-  }
-
-  // "rendering shot 7, frame 3 at 64, 32 and 1 more".
-  private doingOf(worker: Worker): string {
-    const [lease] = worker.leases;
-    if (!lease) return worker.state === 'idle' ? 'nothing to do' : '';
-    const [, job = '', frame = ''] = /^(jobs\/[^/]+)\/frames\/(.*)$/.exec(lease.frame_name) ?? [];
-    const title = lease.pilot ? 'a quote' : this.store.jobs.get(job)?.title || job;
-    const more = worker.lease_count > 1 ? ' and ' + (worker.lease_count - 1) + ' more' : '';
-    const where = lease.task === 'light' ? ', light paths' :
-        lease.task === 'training'        ? ', training' :
-                                           ' at ' + format.place(lease.tile);
-    return lease.phase + ' ' + title + ', frame ' + frame + where + more;
   }
 }
 
@@ -88,20 +74,11 @@ function placeOf(worker: Worker): string {
   return 'pool ' + (worker.pool ?? 'default') + tagged;
 }
 
-function cacheOf(worker: Worker): string {
-  const count = worker.warm_scene_count;
-  if (count === 0) return '';
-  const memory =
-      worker.scene_memory_bytes === null ? '' : ', ' + format.bytes(worker.scene_memory_bytes);
-  return (count === 1 ? '1 scene' : count + ' scenes') + memory;
-}
-
 function scenesOf(worker: Worker): string {
   const more = worker.warm_scene_count - worker.warm_scenes.length;
   const names = worker.warm_scenes.join('\n') + (more > 0 ? '\nand ' + more + ' more' : '');
-  const loads = worker.lease_granted_count > 0 ?
-      '\nScenes loaded for ' + worker.lease_cold_count + ' of ' + worker.lease_granted_count +
-          ' leases' :
-      '';
+  const loads = worker.lease_granted_count > 0 ? '\nScenes loaded for ' + worker.lease_cold_count +
+          ' of ' + worker.lease_granted_count + ' leases' :
+                                                 '';
   return loads + (names ? '\nScenes in its memory:\n' + names : '');
 }

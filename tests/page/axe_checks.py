@@ -10,10 +10,9 @@ import time
 from farm import programs, wait_until
 
 AXE = os.path.join("dashboard", "page", "node_modules", "axe-core", "axe.min.js")
-# Serious and critical findings, with the elements.
+# All findings, with the elements.
 RUN_AXE = """
   return axe.run(document, {resultTypes: ["violations"]}).then(({violations}) => violations
-      .filter(({impact}) => impact === "serious" || impact === "critical")
       .map(({id, nodes}) => id + ": " + nodes.map((node) => node.target.join(" ") + " " +
           (node.any[0] || node.all[0] || {message: ""}).message).join("; ")));
 """
@@ -55,23 +54,58 @@ FAINT_CONTROLS = """
 EDGE_CONTRAST_MIN, TEXT_CONTRAST_MIN = 3, 4.5  # WCAG 2.1, 1.4.11 and 1.4.3.
 CHANGE_SECONDS_MAX = 10
 SETTLE_SECONDS = 1
-SIZES = ((400, 800), (1440, 900), (3840, 2160))
+SIZES = ((390, 844), (1440, 900), (3840, 2160))
+VIEWS = ("/jobs", "/workers", "/history")
 
 
-def check_accessible(browser):
+def faults(browser, sizes, visit=lambda name: None):
+    """The findings of axe-core and FAINT_CONTROLS at each size, light and dark. visit: called with
+    a name for each."""
     with open(os.path.join(programs(), "..", AXE), encoding="utf-8") as file:
-        source = file.read()
-    browser.run(source)
+        browser.run(file.read())
     found = []
-    for width_px, height_px in SIZES:
+    for width_px, height_px in sizes:
         browser.set_size(width_px, height_px)
         for dark in (False, True):
             browser.set_dark(dark)
             time.sleep(SETTLE_SECONDS)
-            found += [f"{width_px} px, {'dark' if dark else 'light'}: {one}"
-                      for one in browser.run(RUN_AXE) +
+            name = f"{width_px}-{'dark' if dark else 'light'}"
+            visit(name)
+            found += [f"{name}: {one}" for one in browser.run(RUN_AXE) +
                       browser.run(FAINT_CONTROLS, EDGE_CONTRAST_MIN, TEXT_CONTRAST_MIN)]
     browser.set_dark(False)
+    return found
+
+
+def check_accessible(browser):
+    found = faults(browser, SIZES)
+    assert not found, "\n".join(found)
+
+
+def check_views_accessible(browser, screenshot):
+    """The tables, the history, the list of keys, and the viewer with all its tools."""
+    before = browser.run("return location.hash")
+    found = []
+    for view in VIEWS:
+        browser.run("location.hash = arguments[0]", view)
+        found += [f"{view} {one}" for one in faults(
+            browser, SIZES[:2],
+            lambda name: screenshot(f"page{view.replace('/', '-')}-{name}.png"))]
+        assert browser.run("return document.documentElement.scrollWidth <= innerWidth"), view
+    browser.run("location.hash = arguments[0]", before)
+    browser.run("""
+      for (const id of ["viewer-more", "histogram-show", "false-color"])
+        document.getElementById(id).click();
+      document.getElementById("settings").open = true;""")
+    found += [f"tools {one}" for one in faults(
+        browser, SIZES[:2], lambda name: screenshot(f"page-tools-{name}.png"))]
+    browser.run("""
+      for (const id of ["viewer-more", "histogram-show", "false-color"])
+        document.getElementById(id).click();
+      document.getElementById("help-open").click();""")
+    found += [f"keys {one}" for one in faults(browser, SIZES[:2])]
+    browser.run("document.getElementById('help').close()")
+    browser.set_size(1440, 900)
     assert not found, "\n".join(found)
 
 

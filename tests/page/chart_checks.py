@@ -50,13 +50,14 @@ def wait_for_words(browser, pattern):
 def check_chart(browser):
     """The curve, its fitted line and the target are drawn; keys switch the axis."""
     found = wait_for_words(browser, r"^Now ±([\d.]+) % with .* samples per pixel; target ±2 %; "
-                                    r"extrapolates to ±([\d.]+) % with .* samples per pixel\.$")
+                                    r"dotted: extrapolated to ±([\d.]+) % with .* "
+                                    r"samples per pixel\.$")
     assert float(found[1]) > float(found[2]) >= 2, found[0]
     assert browser.run(COUNT_POINTS, "--accent") > 50, "no curve"
     assert browser.run(COUNT_POINTS, "--good") > 50, "no target"
     browser.run("document.querySelector('input[name=abscissa]:checked').focus()")
     browser.press(ARROW_RIGHT)
-    wait_for_words(browser, r"^Now ±.* after [\d.]+ s; .*extrapolates to ±.* after")
+    wait_for_words(browser, r"^Now ±.* after [\d.]+ s; .*dotted: extrapolated to ±.* after")
     browser.press(ARROW_RIGHT)
     wait_for_words(browser, r"^Now ±.* for [\d.]+ s of processor time;")
     browser.press(ARROW_RIGHT)

@@ -22,7 +22,8 @@ SEEN = """
 CUT_BESIDE_ROOM = """
   return [...document.querySelectorAll("#jobs .vlist-row")].filter((row) => {
     const title = row.querySelector(".job-title");
-    const room = row.getBoundingClientRect().right - title.getBoundingClientRect().right;
+    const beside = row.querySelector(".job-whose").getBoundingClientRect();
+    const room = beside.left - title.getBoundingClientRect().right;
     return title.scrollWidth > title.clientWidth && room > 24;
   }).map((row) => row.textContent);
 """

@@ -17,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/film/denoised_output.h"
 #include "coordinator/service/http/http_service.h"
 #include "tests/support/farm/http_fake_farm.h"
 
@@ -32,14 +33,18 @@ constexpr int kFrameCount = 24;
 // Edge of a tile in pixels; tiles have different numbers of samples.
 constexpr int kTilePx = 40;
 constexpr int kWorkerCount = 3;
+constexpr int32_t kUsageDayCount = 14;
+constexpr int64_t kDaySeconds = 86400;
 // No program listens there.
 constexpr int kGrpcPort = 7411;
 // Steps from the first sample to the last.
 constexpr int kStepCount = 120;
 constexpr absl::Duration kStep = absl::Milliseconds(250);
 
-constexpr std::array kLayerChannels = {"albedo.R", "albedo.G", "albedo.B", "normal.X",
-                                       "normal.Y", "normal.Z", "depth.Z"};
+constexpr std::array kLayerChannels = {
+    "albedo.R",        "albedo.G",        "albedo.B",       "normal.X",   "normal.Y",
+    "normal.Z",        "depth.Z",         "denoised.R",     "denoised.G", "denoised.B",
+    "denoisedError.R", "denoisedError.G", "denoisedError.B"};
 
 // A soft sphere in front of a horizon, with the noise of this many samples. Its lit side is
 // brighter than a screen can show.
@@ -72,6 +77,10 @@ FrameImage MakeImage(uint64_t samples, std::mt19937* random) {
       const float normal[3] = {u * 3, -v * 3, std::sqrt(std::max(0.0f, 1 - r2))};
       for (size_t c = 0; c < 3; ++c) planes[3 + c][pixel] = r2 < 1 ? normal[c] : 0;
       planes[6][pixel] = r2 < 1 ? 4 - normal[2] : 20 - 8 * v;
+      for (size_t c = 0; c < 3; ++c) {
+        planes[7 + c][pixel] = colors[c];
+        planes[10 + c][pixel] = 0.25f * colors[c] * spread;
+      }
     }
   }
   for (size_t i = 0; i < planes.size(); ++i) {
@@ -79,6 +88,16 @@ FrameImage MakeImage(uint64_t samples, std::mt19937* random) {
     image.planes.push_back(std::move(planes[i]));
   }
   return image;
+}
+
+// Half of them are paused, the others wait for a machine that is not there.
+JobView MakeQueuedJob(JobView job) {
+  const bool paused = job.owner == "anna";
+  job.state = paused ? JobState::kPaused : JobState::kQueued;
+  if (!paused) job.waiting_reason = "no connected worker of its pool has the tag \"gpu\"";
+  job.requirements.tags = {"gpu"};
+  job.priority = paused ? -10 : 5;
+  return job;
 }
 
 JobView MakeJob(int number, absl::Time create_time) {
@@ -90,6 +109,7 @@ JobView MakeJob(int number, absl::Time create_time) {
     frame.settings.width_px = kWidthPx;
     frame.settings.height_px = kHeightPx;
     frame.settings.window = {0, 0, kWidthPx, kHeightPx};
+    AddDenoised(&frame.settings.outputs);
   }
   job.owner = number % 3 == 0 ? "anna" : "ben";
   job.show = number % 2 == 0 ? "film" : "test";
@@ -98,6 +118,7 @@ JobView MakeJob(int number, absl::Time create_time) {
     job.failure_count = 2;
     job.failure = "turntable.0007.pbrt:41:7: material \"glass\": roughness 1.7 is outside [0, 1]";
   }
+  if (job.state == JobState::kSucceeded && number % 13 == 2) return MakeQueuedJob(std::move(job));
   job.end_time = create_time + absl::Seconds(95);
   job.progress.sample_count_done = job.progress.sample_count_total;
   job.progress.relative_mse = 1.3e-3;
@@ -220,6 +241,7 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
   for (int i = 0; i < worker_count; ++i) {
     WorkerView& worker = farm->workers[static_cast<size_t>(i)];
     worker.worker_id = absl::StrFormat("worker-%04d", i + 1);
+    worker.identity = absl::StrCat("worker:node", i + 1);
     worker.host = absl::StrCat("render-", i + 1);
     const bool busy = i % 3 < 2;
     worker.state = busy ? WorkerState::kBusy : WorkerState::kLost;
@@ -246,6 +268,22 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
       {"sheaf_results_mismatch_total", "Duplicates that differ.", Kind::kCounter, "", "", 0},
       {"sheaf_workers", "Workers by state.", Kind::kGauge, "state", "busy", 2},
       {"sheaf_workers", "Workers by state.", Kind::kGauge, "state", "lost", 1}};
+}
+
+// Two users on each of the last kUsageDayCount days.
+UsageReport MadeUpUsage() {
+  const auto today = static_cast<int32_t>(absl::ToUnixSeconds(absl::Now()) / kDaySeconds);
+  UsageReport report;
+  for (int32_t i = 0; i < kUsageDayCount; ++i) {
+    for (const char* user : {"anna", "ben"}) {
+      Usage usage;
+      usage.cpu_duration = absl::Hours((i * 7 + (user[0] == 'a' ? 3 : 11)) % 24);
+      usage.sample_count = static_cast<uint64_t>(i + 1) * 1'000'000'000;
+      usage.result_count = 1000;
+      report.sums.push_back({today - i, user, "", "", usage});
+    }
+  }
+  return report;
 }
 
 }  // namespace
@@ -292,6 +330,18 @@ int main(int argc, char** argv) {
     }
     return changed;
   };
+  actions.drain_worker = [&](const std::string& worker_id, bool drain) {
+    absl::Status status = absl::NotFoundError(absl::StrCat("no worker workers/", worker_id));
+    farm.Update([&](FakeFarm& it) {
+      for (WorkerView& worker : it.workers) {
+        if (worker.worker_id != worker_id) continue;
+        worker.drained = drain;
+        worker.state = drain ? WorkerState::kDraining : WorkerState::kIdle;
+        status = absl::OkStatus();
+      }
+    });
+    return status;
+  };
   actions.read_pixel = [&](const std::string&, int32_t, int32_t x_px, int32_t y_px) {
     absl::StatusOr<PixelView> pixel;
     farm.Update([&](FakeFarm& it) { pixel = FakePixel(it.preview, x_px, y_px); });
@@ -299,7 +349,7 @@ int main(int argc, char** argv) {
   };
   actions.address = [] { return FarmAddress{kGrpcPort, false}; };
   actions.list_usage = [](const UsageQuery&) -> absl::StatusOr<UsageReport> {
-    return UsageReport();
+    return MadeUpUsage();
   };
   actions.collect_garbage = [](bool) -> absl::StatusOr<std::vector<RemovalView>> {
     return std::vector<RemovalView>();

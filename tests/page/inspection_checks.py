@@ -1,0 +1,159 @@
+# Copyright the Sheaf authors.
+# SPDX-License-Identifier: Apache-2.0
+"""Close looks at an image: full screen, false color, histogram, automatic exposure, and layers of
+one frame beside each other, by turns and as a difference. For page_test.py, over a made-up job that
+has ended.
+"""
+import re
+
+from compare_checks import BESIDE, CHOOSE
+from farm import wait_until
+from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, wait_for_new_pixels
+
+CHANGE_SECONDS_MAX = 20
+BOX = """
+  const box = document.getElementById("image-box").getBoundingClientRect();
+  return [box.width, box.height];
+"""
+TYPE_RANGE = """
+  for (const [id, value] of [["range-low", arguments[0]], ["range-high", arguments[1]]]) {
+    document.getElementById(id).value = value;
+  }
+  document.getElementById("range-high").dispatchEvent(new Event("change"));
+"""
+# How many pixels of the histogram are drawn.
+INK = """
+  const canvas = document.getElementById("histogram");
+  const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  let count = 0;
+  for (let i = 3; i < data.length; i += 4) count += data[i] > 0;
+  return count / (data.length / 4);
+"""
+VISIBLE = "return getComputedStyle(document.getElementById(arguments[0])).visibility"
+SETTINGS = """
+  return Object.fromEntries([...document.querySelectorAll("#settings-list .fact")].map(
+      (fact) => [...fact.children].map((part) => part.textContent)));
+"""
+
+
+def check_settings(browser):
+    """The owner of the job, its settings, and a command that submits such a one."""
+    whose = browser.run(TEXT, "job-whose")
+    assert re.match(r"jobs/\d+ · (anna|ben) · show (film|test) · submitted .*\d", whose), whose
+    settings = browser.run(SETTINGS)
+    assert settings["Size"] == "640 × 360" and settings["Bounces"].isdigit(), settings
+    command = browser.run("return document.querySelector('#settings-command input').value")
+    assert re.match(r"sheaf submit '.*' (--samples \d+|--target-error [\d.]+%) --max-depth \d+ "
+                    r"--seed \d+", command), command
+
+
+def check_full_screen(browser):
+    """By a key, over the whole window, and back."""
+    browser.run(FOCUS, "image-box")
+    width, height = browser.run(BOX)
+    browser.press("f")
+    wait_until(lambda: browser.run(BOX)[1] > 1.5 * height, CHANGE_SECONDS_MAX, "full screen")
+    large = browser.run(BOX)
+    assert large[0] > 1400 and large[1] > 700, large
+    browser.press("f")
+    wait_until(lambda: browser.run(BOX) == [width, height], CHANGE_SECONDS_MAX, "the way back")
+
+
+def check_false_color(browser, screenshot):
+    """False colors of the luminance, with a range that one chooses; errors have theirs."""
+    image = browser.run(PIXELS)
+    browser.press("c")
+    shown = wait_for_new_pixels(browser, image, "false color")
+    wait_until(lambda: "Luminance" in browser.run(TEXT, "legend-words"), CHANGE_SECONDS_MAX,
+               "the legend")
+    low, high = (float(browser.run(TEXT, name)) for name in ("legend-low", "legend-high"))
+    assert 0.001 < low < high < 10, (low, high)
+    browser.run(TYPE_RANGE, "0.01", "100")
+    wider = wait_for_new_pixels(browser, shown, "another range")
+    wait_until(lambda: browser.run(TEXT, "legend-high") == "100", CHANGE_SECONDS_MAX, "its legend")
+    screenshot("page-false-color.png")
+    browser.run("document.getElementById('range-auto').click()")
+    wait_until(lambda: browser.run(PIXELS) == shown, CHANGE_SECONDS_MAX, "the range as it was")
+    assert wider != shown
+    browser.press("c")
+    wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")
+    browser.run(CHOOSE, "layer", "of:denoisedError")
+    error = wait_for_new_pixels(browser, image, "the error of the denoised image")
+    wait_until(lambda: browser.run(TEXT, "legend-high").endswith(" %"), CHANGE_SECONDS_MAX,
+               "a scale in percent")
+    assert "expected error" in browser.run(TEXT, "legend-words")
+    browser.run(TYPE_RANGE, "0.01", "90")
+    wait_for_new_pixels(browser, error, "errors over another range")
+    assert browser.run(TEXT, "legend-high") == "90 %", browser.run(TEXT, "legend-high")
+    browser.run("document.getElementById('range-auto').click()")
+    wait_until(lambda: browser.run(PIXELS) == error, CHANGE_SECONDS_MAX, "the errors as they were")
+    browser.run(CHOOSE, "layer", "of:normal")
+    wait_until(lambda: "x, y and z" in browser.run(TEXT, "legend-words"), CHANGE_SECONDS_MAX,
+               "what the colors of a direction mean")
+    browser.run(CHOOSE, "layer", "image")
+    wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")
+
+
+def check_histogram(browser, screenshot):
+    """Histograms of light and of false colors, and the exposure that they suggest."""
+    browser.run(FOCUS, "image-box")
+    image = browser.run(PIXELS)
+    browser.press("h")
+    wait_until(lambda: browser.run(INK) > 0.02, CHANGE_SECONDS_MAX, "a histogram of light")
+    assert "brighter than the screen" in browser.run(TEXT, "histogram-words")
+    screenshot("page-histogram.png")
+    browser.run(CHOOSE, "layer", "error")
+    wait_until(lambda: "colors of the scale" in browser.run(TEXT, "histogram-words"),
+               CHANGE_SECONDS_MAX, "a histogram of errors")
+    assert browser.run(INK) > 0.02
+    browser.run(CHOOSE, "layer", "image")
+    browser.run(FOCUS, "image-box")
+    browser.press("h")
+    assert browser.run(HIDDEN, "histogram-box")
+    # The light, which the histogram needs, is a level off here and there.
+    wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")
+    browser.press("e")
+    wait_until(lambda: browser.run(TEXT, "exposure-value") != "0", CHANGE_SECONDS_MAX, "stops")
+    stops = float(browser.run(TEXT, "exposure-value").replace("\u2212", "-"))
+    assert -3 < stops < 3, stops
+    browser.run("document.getElementById('exposure-reset').click()")
+    wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")
+
+
+def check_denoised_beside(browser, screenshot):
+    """The denoised layer in a split, by turns, and what the denoiser has changed."""
+    browser.run(FOCUS, "image-box")
+    image = browser.run(PIXELS)
+    browser.press("d")
+    wait_until(lambda: browser.run(BESIDE) not in ("", image), CHANGE_SECONDS_MAX, "two layers")
+    assert browser.run("return document.getElementById('compare-mode').value") == "split"
+    assert browser.run(TEXT, "beside-name").startswith("B: denoised"), browser.run(
+        TEXT, "beside-name")
+    screenshot("page-denoised.png")
+    browser.press("b")
+    assert browser.run(VISIBLE, "image-box") == "hidden"
+    assert browser.run(VISIBLE, "beside-box") == "visible"
+    browser.press("b")
+    assert browser.run(VISIBLE, "image-box") == "visible"
+    assert browser.run(VISIBLE, "beside-box") == "hidden"
+    browser.run(CHOOSE, "compare-mode", "relative")
+    wait_until(lambda: browser.run(TEXT, "legend-high").endswith(" %"), CHANGE_SECONDS_MAX,
+               "what the denoiser has changed")
+    browser.run(CHOOSE, "beside-layer", "error")
+    wait_until(lambda: "Only colors" in browser.run(TEXT, "image-note"), CHANGE_SECONDS_MAX,
+               "why an error has no difference")
+    browser.run(CHOOSE, "compare-mode", "beside")
+    wait_until(lambda: re.search(r"B: Standard error · [\d.]+ % to [\d.]+ %$",
+                                 browser.run(TEXT, "beside-name")), CHANGE_SECONDS_MAX, "its scale")
+    browser.run(CHOOSE, "beside-job", "")
+    wait_until(lambda: browser.run(HIDDEN, "beside-box") and browser.run(PIXELS) == image,
+               CHANGE_SECONDS_MAX, "the image alone")
+
+
+def check_close_looks(browser, screenshot):
+    browser.set_size(1440, 900)
+    check_full_screen(browser)
+    check_false_color(browser, screenshot)
+    check_histogram(browser, screenshot)
+    check_denoised_beside(browser, screenshot)
+    assert browser.run(HIDDEN, "problems"), browser.run(TEXT, "problems-text")
