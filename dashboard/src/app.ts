@@ -48,7 +48,7 @@ function selectJob(name: string) {
 }
 
 const views = new FarmViews(store, () => {
-  location.hash = store.jobName ?? '';
+  location.hash = store.frameName ?? store.jobName ?? '';
 });
 
 function readAddress() {
@@ -127,7 +127,7 @@ async function startViews() {
     () => new JobSettingsView(store),
     () => new WorkersView(store),
     () => new JobsTable(store, select),
-    () => new WorkersTable(store),
+    () => new WorkersTable(store, select),
     () => new HistoryView(store),
     () => new CountersView(store),
     () => new FirstStepsView(store),

@@ -117,6 +117,19 @@ export function clock(iso: string|null): string {
   return (today ? clockOfToday : calendar).format(time);
 }
 
+let shortClock: Intl.DateTimeFormat|undefined;
+let shortCalendar: Intl.DateTimeFormat|undefined;
+
+// The same without seconds, for columns.
+export function shortTimeOfDay(iso: string|null): string {
+  if (!iso) return '–';
+  const time = new Date(iso);
+  const today = time.toDateString() === new Date().toDateString();
+  shortClock ??= new Intl.DateTimeFormat(undefined, {timeStyle: 'short'});
+  shortCalendar ??= new Intl.DateTimeFormat(undefined, {dateStyle: 'short', timeStyle: 'short'});
+  return (today ? shortClock : shortCalendar).format(time);
+}
+
 // Time elapsed since a point in time, in words.
 export function ago(iso: string|null): string {
   if (!iso) return 'never';

@@ -39,7 +39,6 @@ export class ImageView {
   private comparedJob: string|null = null;
   private rangeWords = '';
   private besideWords = '';
-  private automaticStops: number|null = null;
 
   constructor(private readonly store: Store) {
     this.pane = new ImagePane(store, {
@@ -67,7 +66,6 @@ export class ImageView {
     this.controls = new ViewerControls({
       viewport: this.pane.viewport,
       isColor: (name) => this.layers.isColor(name),
-      automaticStops: () => this.automaticStops,
       onChange: () => this.hurry(),
       actionOf: (key) => this.comparisonOf(key),
     });
@@ -226,9 +224,8 @@ export class ImageView {
   }
 
   private onHistogram(histogram: Histogram|null) {
-    this.automaticStops = histogram?.isLight ? histogram.automaticStops : null;
     this.histogram.show(histogram, this.controls.stops);
-    if (this.automaticStops !== null) this.controls.automaticStopsAreKnown();
+    if (histogram?.isLight) this.controls.automaticStopsAre(histogram.automaticStops);
   }
 
   // The scale of a layer's colors.

@@ -80,9 +80,9 @@ const COLUMNS: readonly Column<Job>[] = [
   },
   {
     name: 'Submitted',
-    width: '7.5rem',
+    width: '8.5rem',
     wide: true,
-    text: (job) => format.clock(job.create_time),
+    text: (job) => format.shortTimeOfDay(job.create_time),
     key: (job) => job.create_time
   },
   {

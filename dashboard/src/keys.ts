@@ -45,7 +45,7 @@ const HELP: [string, [string, string][]][] = [
       ['Space', 'choose a row or not'],
       ['Ctrl+A', 'choose all'],
       ['Esc', 'choose none'],
-      ['Enter', 'open the job'],
+      ['Enter', 'open the job, or the frame that the worker renders'],
     ]
   ],
 ];

@@ -23,6 +23,8 @@ export async function startSession(store: Store) {
   try {
     const session = await getSession();
     button.hidden = session.user === '';
+    store.role = session.role;
+    store.touch('workers');
     button.title = 'Signed in as ' + session.user + ', with the role ' + session.role;
   } catch (failure) {
     store.note('asking who is signed in', failure);

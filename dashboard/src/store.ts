@@ -49,6 +49,8 @@ export class Store {
   beside: Frame|undefined;
   counters: Counter[] = [];
   view: FarmViewName = 'image';
+  // The signed-in user's; '' without certificates, where everybody may do everything.
+  role = '';
   jobName: string|null = null;
   // Whether the coordinator reports that it has no such job.
   jobMissing = false;

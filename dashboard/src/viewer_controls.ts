@@ -29,8 +29,6 @@ export interface ControlsOptions {
   viewport: ImageViewport;
   // Whether a layer of the frame can be exposed.
   isColor: (name: string) => boolean;
-  // The stops of the automatic exposure; null while unknown.
-  automaticStops: () => number | null;
   // The layer, the exposure or what is shown of them has changed.
   onChange: () => void;
   // Keys of the comparison; undefined for others.
@@ -105,9 +103,11 @@ export class ViewerControls {
     this.drawExposure();
   }
 
-  // The stops that were asked for are known now.
-  automaticStopsAreKnown() {
-    if (this.wantsAutomatic) this.exposeAutomatically();
+  // The stops of the automatic exposure of the shown light.
+  automaticStopsAre(stops: number) {
+    if (!this.wantsAutomatic) return;
+    this.wantsAutomatic = false;
+    this.setStops(stops);
   }
 
   // Updates the zoom controls from the viewport.
@@ -150,15 +150,11 @@ export class ViewerControls {
     this.changed();
   }
 
-  // The light may have to be fetched first.
+  // Once the light is fetched and its values are counted.
   private exposeAutomatically() {
     if (this.exposure.disabled) return;
-    const stops = this.options.automaticStops();
-    this.wantsAutomatic = stops === null;
-    if (stops === null)
-      this.options.onChange();
-    else
-      this.setStops(stops);
+    this.wantsAutomatic = true;
+    this.options.onChange();
   }
 
   private zoomBy(factor: number) {

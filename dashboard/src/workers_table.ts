@@ -83,14 +83,17 @@ export class WorkersTable {
   private readonly state = byId<HTMLSelectElement>('worker-state-filter');
   private busy = false;
 
-  constructor(private readonly store: Store) {
+  // `open` shows the frame that a worker renders.
+  constructor(private readonly store: Store, open: (name: string) => void) {
     this.table = new DataTable(byId('workers-table'), {
       label: 'Workers',
       rowHeightProperty: '--table-row',
       columns: columnsOf(store),
       sortedBy: 'Identity',
       descending: false,
-      onOpen: () => {},
+      onOpen: ({leases: [lease]}) => {
+        if (lease && !lease.pilot) open(lease.frame_name);
+      },
       onChoice: () => this.drawChoice(),
     });
     byId('worker-drain').addEventListener('click', () => void this.drain(true));
@@ -130,12 +133,18 @@ export class WorkersTable {
 
   private drawChoice() {
     const chosen = this.table?.chosenItems ?? [];
-    for (const [id, word, may] of [
-             ['worker-drain', 'Drain', mayDrain], ['worker-undrain', 'Undrain', mayUndrain]] as
-         const) {
+    const {role} = this.store;
+    const mayOperate = ['', 'operate', 'administer'].includes(role);
+    const buttons: [string, string, (worker: Worker) => boolean, string][] = [
+      ['worker-drain', 'Drain', mayDrain, 'They finish what they hold, and get no further work'],
+      ['worker-undrain', 'Undrain', mayUndrain, 'They get work again'],
+    ];
+    for (const [id, word, may, meaning] of buttons) {
       const count = chosen.filter(may).length;
       const button = byId<HTMLButtonElement>(id);
-      button.disabled = this.busy || count === 0;
+      button.disabled = this.busy || count === 0 || !mayOperate;
+      button.title =
+          mayOperate ? meaning : 'This needs the role operate; you have the role ' + role;
       setText(button, word + (count > 0 ? ' ' + count : ''));
     }
   }
@@ -171,6 +180,8 @@ function totalsOf(workers: readonly Worker[], all: number): string {
   }
   const states = [...counts].sort().map(([state, count]) => count + ' ' + state);
   const of = workers.length === all ? format.exact(all) : workers.length + ' of ' + all;
-  return of + ' workers' + (states.length ? ': ' + states.join(', ') : '') + ' · ' +
-      format.exact(threads) + ' threads · ' + format.count(rate) + ' samples/s';
+  const counted = (text: string, count: number, word: string) =>
+      text + ' ' + word + (count === 1 ? '' : 's');
+  return counted(of, all, 'worker') + (states.length ? ': ' + states.join(', ') : '') + ' · ' +
+      counted(format.exact(threads), threads, 'thread') + ' · ' + format.count(rate) + ' samples/s';
 }

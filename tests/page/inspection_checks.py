@@ -116,7 +116,14 @@ def check_histogram(browser, screenshot):
     wait_until(lambda: browser.run(TEXT, "exposure-value") != "0", CHANGE_SECONDS_MAX, "stops")
     stops = float(browser.run(TEXT, "exposure-value").replace("\u2212", "-"))
     assert -3 < stops < 3, stops
+    # Another layer has another exposure: the one before is not taken again.
+    browser.run(CHOOSE, "layer", "of:albedo")
+    browser.run(FOCUS, "image-box")
+    browser.press("e")
+    wait_until(lambda: browser.run(TEXT, "exposure-value").replace("\u2212", "-") not in
+               ("0", str(stops)), CHANGE_SECONDS_MAX, "the exposure of the albedo")
     browser.run("document.getElementById('exposure-reset').click()")
+    browser.run(CHOOSE, "layer", "image")
     wait_until(lambda: browser.run(PIXELS) == image, CHANGE_SECONDS_MAX, "the image again")
 
 

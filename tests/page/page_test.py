@@ -45,7 +45,7 @@ from submit_checks import check_submission, check_submission_of_a_user  # noqa: 
 from table_checks import check_help, check_history, check_jobs_table  # noqa: E402
 from table_checks import check_tables_are_quick, check_workers_table  # noqa: E402
 from viewer_checks import PIXELS, TEXT, check_viewer  # noqa: E402
-from worker_checks import check_failures, check_workers  # noqa: E402
+from worker_checks import check_drain, check_failures, check_workers  # noqa: E402
 
 PAGE_SECONDS_MAX = 20
 # Tracing slows a browser down.
@@ -163,6 +163,7 @@ def check_pause_and_priority(browser, farm):
 
 def check_workers_and_failures(browser, farm):
     check_workers(browser)
+    check_drain(browser)
     check_failures(browser, farm, farm.folder)
     browser.screenshot(artefact("page-failures.png"))
 

@@ -24,6 +24,10 @@ def check_session(browser, _):
         wait_until(lambda: not browser.run(HIDDEN, "sign-out"), SECONDS_MAX, "the button")
         title = browser.run("return document.getElementById('sign-out').title")
         assert title == "Signed in as anna, with the role view", title
+        browser.run("location.hash = '/workers'")
+        words = "return document.getElementById('worker-drain').title"
+        wait_until(lambda: browser.run(words) ==
+                   "This needs the role operate; you have the role view", SECONDS_MAX, "the role")
         browser.run(FOCUS, "sign-out")
         browser.press(ENTER)
         wait_until(lambda: browser.run(PATH) == "/login", SECONDS_MAX, "the form")

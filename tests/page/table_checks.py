@@ -156,8 +156,15 @@ def check_workers_table(browser, screenshot):
     browser.run(CLICK, "worker-undrain")
     wait_until(lambda: column(browser, "workers-table", 1) == names[1:], CHANGE_SECONDS_MAX,
                "a worker that works again")
-    for field in ("worker-filter", "worker-state-filter"):
-        browser.run(SET, field, "")
+    browser.run(SET, "worker-state-filter", "")
+    browser.run(SET, "worker-filter", "worker-0001")
+    wait_until(lambda: column(browser, "workers-table", 1) == ["node1"], CHANGE_SECONDS_MAX, "one")
+    browser.run(FOCUS, "workers-table")
+    browser.press(ARROW_DOWN)
+    browser.press(ENTER)
+    wait_until(lambda: browser.run("return location.hash") == "#jobs/5000/frames/1",
+               CHANGE_SECONDS_MAX, "the frame of the worker")
+    browser.run(SET, "worker-filter", "")
 
 
 def check_history(browser, screenshot):

@@ -29,6 +29,19 @@ def check_workers(browser):
     assert "cornell-box.pbrt" in browser.run(TITLES)[0], browser.run(TITLES)
 
 
+def check_drain(browser):
+    """The worker is drained in the table of workers, and gets work again."""
+    browser.run("location.hash = '/workers'")
+    rows = ROWS.replace("#workers ", "#workers-table ")
+    wait_until(lambda: browser.run(rows), CHANGE_SECONDS_MAX, "the table")
+    assert re.match(r"1 worker: 1 busy · 1 thread · ", browser.run(TEXT, "worker-totals"))
+    browser.run("document.querySelector('#workers-table .cell-tick').click()")
+    for button, state in (("worker-drain", "draining"), ("worker-undrain", "busy")):
+        browser.run("document.getElementById(arguments[0]).click()", button)
+        wait_until(lambda: state in browser.run(rows)[0], CHANGE_SECONDS_MAX, state)
+    browser.run("location.hash = ''")
+
+
 def check_failures(browser, farm, folder):
     """A worker without memory for the scene fails; the commands on the page fetch its task, in any
     folder, and render its tile.
