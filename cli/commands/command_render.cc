@@ -45,6 +45,10 @@ class RenderCommand : public Command {
         ->add_option("--texture-memory-max", farm_.worker.texture_memory_bytes_max,
                      "Limit of memory for texture tiles, e.g. 512M (default 512M)")
         ->transform(AsBytes());
+    command
+        ->add_option("--volume-memory-max", farm_.worker.volume_memory_bytes_max,
+                     "Limit of memory for volumes that sheaf pack made, e.g. 2G (default 512M)")
+        ->transform(AsBytes());
     command->footer(
         "Examples:\n"
         "  sheaf render room.pbrt -o room.exr --png room.png\n"

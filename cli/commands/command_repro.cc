@@ -79,6 +79,7 @@ class ReproCommand : public Command {
     const worker::WorkerOptions defaults;
     limits_.scene_memory_bytes_max = defaults.scene_memory_bytes_max;
     limits_.texture_memory_bytes_max = defaults.texture_memory_bytes_max;
+    limits_.volume_memory_bytes_max = defaults.volume_memory_bytes_max;
     CLI::App* command = app->add_subcommand("repro", "Reproduce the failure of a bundle");
     command->add_option("BUNDLE", path_, "The file that sheaf bundle wrote")->required();
     AddJsonFlag(command, &json_);
@@ -95,6 +96,10 @@ class ReproCommand : public Command {
     command
         ->add_option("--texture-memory-max", limits_.texture_memory_bytes_max,
                      "Limit of memory for texture tiles (default 512M)")
+        ->transform(AsBytes());
+    command
+        ->add_option("--volume-memory-max", limits_.volume_memory_bytes_max,
+                     "Limit of memory for volumes that sheaf pack made (default 512M)")
         ->transform(AsBytes());
     command
         ->add_option("--load-seconds-max", load_seconds_max_,

@@ -44,7 +44,8 @@ CommandGroup Group(const char* title, Commands... commands) {
 std::vector<CommandGroup> MakeCommands() {
   std::vector<CommandGroup> groups;
   groups.push_back(Group("Render on this machine", MakeRenderCommand(), MakeQuoteCommand(),
-                         MakePlanCommand(), MakeStudyCommand(), MakeCompareCommand()));
+                         MakePlanCommand(), MakeStudyCommand(), MakeCompareCommand(),
+                         MakePackCommand()));
   groups.push_back(Group("Render on a farm", MakeSubmitCommand(), MakeWatchCommand(),
                          MakeListCommand(), MakeShowCommand(), MakeRefineCommand()));
   groups.push_back(Group("Change jobs", MakePauseCommand(), MakeResumeCommand(),

@@ -24,4 +24,14 @@ bool UnpackBlosc(std::span<const std::byte> packed, std::span<std::byte> out) {
   return got >= 0 && static_cast<size_t>(got) == out.size();
 }
 
+std::vector<std::byte> PackBlosc(std::span<const std::byte> bytes, size_t value_bytes) {
+  constexpr int kLevel = 5;
+  std::vector<std::byte> packed(bytes.size() + BLOSC_MAX_OVERHEAD);
+  const int size =
+      ::blosc_compress_ctx(kLevel, BLOSC_SHUFFLE, value_bytes, bytes.size(), bytes.data(),
+                           packed.data(), packed.size(), BLOSC_LZ4_COMPNAME, 0, 1);
+  packed.resize(size > 0 ? static_cast<size_t>(size) : 0);
+  return packed;
+}
+
 }  // namespace sheaf::volume

@@ -8,11 +8,13 @@
 #include <cstring>
 #include <limits>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/mutex.h"
 #include "common/base/parallel.h"
+#include "common/volume/grid_facts.h"
 #include "common/volume/nanovdb_door.h"
 
 namespace sheaf::volume {
@@ -41,28 +43,6 @@ std::optional<VolumeValueType> TypeOf(nanovdb::GridType type) {
   }
 }
 
-// The range of the values seen; joining ranges in any order gives the same result.
-struct Seen {
-  float min = std::numeric_limits<float>::infinity();
-  float max = -std::numeric_limits<float>::infinity();
-  bool finite = true;
-
-  void AddNumber(float v) {
-    min = std::min(min, v);
-    max = std::max(max, v);
-    finite &= std::fabs(v) <= std::numeric_limits<float>::max();  // False for NaN.
-  }
-  template <typename ValueT>
-  void Add(const ValueT& v) {
-    AddNumber(Magnitude(v));
-  }
-  void Join(const Seen& other) {
-    min = std::min(min, other.min);
-    max = std::max(max, other.max);
-    finite &= other.finite;
-  }
-};
-
 struct LeafPlace {
   uint64_t offset_bytes;
   Index3 origin;
@@ -78,13 +58,13 @@ class Verifier {
  public:
   Verifier(const VolumeBytes& image, const std::string& where, const VolumeLimits& limits,
            VolumeGridInfo* info)
-      : image_(image), where_(where), limits_(limits), info_(*info) {}
+      : image_(image), where_(where), limits_(limits), info_(*info), facts_(where, limits, info) {}
 
   absl::Status Run(int thread_count) {
     const absl::Status nodes = WalkRoot();
     if (!nodes.ok()) return nodes;
     WalkLeaves(thread_count);
-    return Finish();
+    return facts_.Finish();
   }
 
  private:
@@ -109,30 +89,7 @@ class Verifier {
     return reinterpret_cast<const Node*>(image_.data() + offset);
   }
 
-  absl::Status AddActive(Index3 origin, int32_t size) {
-    for (size_t a = 0; a < 3; ++a) {
-      const int64_t last = int64_t{origin[a]} + size - 1;
-      if (origin[a] < -limits_.index_abs_max || last > limits_.index_abs_max) {
-        return absl::InvalidArgumentError(absl::StrCat(
-            where_, ": grid \"", info_.name, "\" holds voxels at index ", last,
-            ", beyond the limit of +-", limits_.index_abs_max, " (index_abs_max); resample it"));
-      }
-      info_.index_min[a] = std::min(info_.index_min[a], origin[a]);
-      info_.index_max[a] = std::max(info_.index_max[a], static_cast<int32_t>(last));
-    }
-    return absl::OkStatus();
-  }
-  template <typename ValueT>
-  absl::Status AddTile(Index3 origin, uint32_t log2_size, const ValueT& value, bool active) {
-    seen_.Add(value);
-    if (!active) return absl::OkStatus();
-    info_.active_voxel_count += uint64_t{1} << (3 * log2_size);
-    return AddActive(origin, 1 << log2_size);
-  }
-
   absl::Status WalkRoot() {
-    info_.index_min.fill(std::numeric_limits<int32_t>::max());
-    info_.index_max.fill(std::numeric_limits<int32_t>::min());
     const auto* tree = NodeAt<nanovdb::TreeData<3>>(image_.data(), sizeof(nanovdb::GridData));
     if (tree == nullptr) return Broken("no tree");
     if (tree->mNodeOffset[3] > image_.size()) return Broken("its root lies outside");
@@ -149,7 +106,7 @@ class Verifier {
     if ((image_.size() - OffsetOf(root) - sizeof(Root)) / sizeof(Tile) < data.mTableSize) {
       return Broken("the root's table does not fit");
     }
-    seen_.Add(data.mBackground);
+    facts_.seen.Add(data.mBackground);
     info_.background = Magnitude(data.mBackground);
     std::vector<uint64_t> keys;
     for (uint32_t i = 0; i < data.mTableSize; ++i) {
@@ -160,9 +117,9 @@ class Verifier {
       }
       keys.push_back(tile.key);
       const Index3 at{origin[0], origin[1], origin[2]};
-      const absl::Status status = tile.isChild()
-                                      ? WalkUpper(NodeAt<Upper>(root, tile.child), at)
-                                      : AddTile(at, Upper::TOTAL, tile.value, tile.state != 0);
+      const absl::Status status =
+          tile.isChild() ? WalkUpper(NodeAt<Upper>(root, tile.child), at)
+                         : facts_.AddTile(at, Upper::TOTAL, tile.value, tile.state != 0);
       if (!status.ok()) return status;
     }
     std::sort(keys.begin(), keys.end());
@@ -181,7 +138,7 @@ class Verifier {
       const absl::Status status =
           data.mChildMask.isOn(n)
               ? WalkLower(NodeAt<Lower>(node, data.mTable[n].child), at)
-              : AddTile(at, Lower::TOTAL, data.mTable[n].value, data.mValueMask.isOn(n));
+              : facts_.AddTile(at, Lower::TOTAL, data.mTable[n].value, data.mValueMask.isOn(n));
       if (!status.ok()) return status;
     }
     return absl::OkStatus();
@@ -195,7 +152,7 @@ class Verifier {
       const Index3 at = ChildOrigin(origin, n, Lower::LOG2DIM, Leaf::TOTAL);
       if (!data.mChildMask.isOn(n)) {
         const absl::Status status =
-            AddTile(at, Leaf::TOTAL, data.mTable[n].value, data.mValueMask.isOn(n));
+            facts_.AddTile(at, Leaf::TOTAL, data.mTable[n].value, data.mValueMask.isOn(n));
         if (!status.ok()) return status;
         continue;
       }
@@ -210,40 +167,10 @@ class Verifier {
       }
       if (leaves_.size() >= image_.size() / sizeof(Leaf)) return Broken("leaves are shared");
       leaves_.push_back({OffsetOf(leaf), at});
-      const absl::Status status = AddLeafBounds(leaf->data()->mValueMask, at);
+      const absl::Status status = facts_.AddLeafBounds(leaf->data()->mValueMask, at);
       if (!status.ok()) return status;
     }
     return absl::OkStatus();
-  }
-
-  template <typename MaskT>
-  absl::Status AddLeafBounds(const MaskT& mask, Index3 origin) {
-    // Bit n is voxel (n >> 6, (n >> 3) & 7, n & 7): word x holds the bits of y and z.
-    uint64_t any_x = 0;
-    uint32_t x_bits = 0;
-    uint64_t words[8];
-    static_assert(sizeof(mask) == sizeof(words));
-    std::memcpy(words, &mask, sizeof(words));
-    for (uint32_t x = 0; x < 8; ++x) {
-      info_.active_voxel_count += static_cast<uint64_t>(std::popcount(words[x]));
-      any_x |= words[x];
-      x_bits |= static_cast<uint32_t>(words[x] != 0) << x;
-    }
-    if (any_x == 0) return absl::OkStatus();
-    uint32_t y_bits = 0, z_bits = 0;
-    for (uint32_t y = 0; y < 8; ++y) {
-      const auto row = static_cast<uint32_t>((any_x >> (8 * y)) & 0xff);
-      y_bits |= static_cast<uint32_t>(row != 0) << y;
-      z_bits |= row;
-    }
-    const uint32_t bits[3] = {x_bits, y_bits, z_bits};
-    Index3 lo = origin, hi = origin;
-    for (size_t a = 0; a < 3; ++a) {
-      lo[a] += std::countr_zero(bits[a]);
-      hi[a] += std::bit_width(bits[a]) - 1;
-    }
-    const absl::Status low = AddActive(lo, 1);
-    return low.ok() ? AddActive(hi, 1) : low;
   }
 
   void WalkLeaves(int thread_count) {
@@ -261,7 +188,7 @@ class Verifier {
                      joined.seen.Join(seen);
                    });
     const MutexLock lock(&joined.mutex);
-    seen_.Join(joined.seen);
+    facts_.seen.Join(joined.seen);
   }
   void AddLeafValues(uint64_t offset_bytes, Seen* seen) const {
     const auto& leaf = *reinterpret_cast<const Leaf*>(image_.data() + offset_bytes);
@@ -276,38 +203,25 @@ class Verifier {
     for (const Seen& lane : lanes) seen->Join(lane);
   }
 
-  absl::Status Finish() {
-    if (!seen_.finite) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(where_, ": grid \"", info_.name,
-                       "\" holds NaN or infinity; set such voxels to 0 when writing it"));
-    }
-    if (info_.active_voxel_count == 0) {
-      info_.index_min = {0, 0, 0};
-      info_.index_max = {-1, -1, -1};
-    }
-    info_.values = {seen_.min, seen_.max};
-    return absl::OkStatus();
-  }
-
   const VolumeBytes& image_;
   const std::string& where_;
   const VolumeLimits& limits_;
   VolumeGridInfo& info_;
-  Seen seen_;
+  GridFacts facts_;
   uint64_t upper_count_ = 0, lower_count_ = 0;
   std::vector<LeafPlace> leaves_;
 };
 
 }  // namespace
 
-absl::StatusOr<VolumeGridInfo> VerifyHead(const VolumeBytes& image, const std::string& where,
-                                          const VolumeLimits& limits) {
-  if (image.size() < sizeof(nanovdb::GridData) + sizeof(nanovdb::TreeData<3>)) {
+absl::StatusOr<VolumeGridInfo> VerifyHead(std::span<const std::byte> head, uint64_t image_bytes,
+                                          const std::string& where, const VolumeLimits& limits) {
+  constexpr size_t kLeast = sizeof(nanovdb::GridData) + sizeof(nanovdb::TreeData<3>);
+  if (image_bytes < kLeast || head.size() < kLeast) {
     return absl::DataLossError(
-        absl::StrCat(where, ": a grid of ", image.size(), " bytes is cut short"));
+        absl::StrCat(where, ": a grid of ", image_bytes, " bytes is cut short"));
   }
-  const auto& data = *reinterpret_cast<const nanovdb::GridData*>(image.data());
+  const auto& data = *reinterpret_cast<const nanovdb::GridData*>(head.data());
   VolumeGridInfo info;
   const size_t name_size = ::strnlen(data.mGridName, sizeof(data.mGridName));
   info.name.assign(data.mGridName, name_size);
@@ -319,9 +233,9 @@ absl::StatusOr<VolumeGridInfo> VerifyHead(const VolumeBytes& image, const std::s
         where, ": grid \"", info.name, "\" is of NanoVDB version ", data.mVersion.getMajor(),
         ", only ", kMajorVersion, " can be read; convert it with that version's nanovdb_convert"));
   }
-  if (image.size() > limits.grid_bytes_max) {
+  if (image_bytes > limits.grid_bytes_max) {
     return absl::ResourceExhaustedError(absl::StrCat(where, ": grid \"", info.name, "\" takes ",
-                                                     image.size(), " bytes, more than ",
+                                                     image_bytes, " bytes, more than ",
                                                      limits.grid_bytes_max, " (grid_bytes_max)"));
   }
   const auto type = TypeOf(data.mGridType);
@@ -333,7 +247,7 @@ absl::StatusOr<VolumeGridInfo> VerifyHead(const VolumeBytes& image, const std::s
   }
   info.type = *type;
   info.role = VolumeRoleOf(info.name);
-  info.memory_bytes = image.size();
+  info.memory_bytes = image_bytes;
   return info;
 }
 

@@ -5,6 +5,9 @@
 // and untrusted. After VerifyImage no lookup can read outside the image.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <span>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -12,10 +15,10 @@
 
 namespace sheaf::volume {
 
-// The properties in the head of an image, after checking it.
+// The properties in the head of an image, after checking it. head: the beginning of the image.
 // Errors: kInvalidArgument, kResourceExhausted.
-absl::StatusOr<VolumeGridInfo> VerifyHead(const VolumeBytes& image, const std::string& where,
-                                          const VolumeLimits& limits);
+absl::StatusOr<VolumeGridInfo> VerifyHead(std::span<const std::byte> head, uint64_t image_bytes,
+                                          const std::string& where, const VolumeLimits& limits);
 
 // Walks from the root to every leaf; completes bounds, counts and range of *info.
 // Requires: *info came from VerifyHead of this image.

@@ -151,9 +151,8 @@ absl::StatusOr<std::vector<NvdbEntry>> ListNvdb(const std::string& file_name, co
   return entries;
 }
 
-absl::StatusOr<VolumeGrid> ReadNvdbGrid(const std::string& file_name, const FileBytes& file,
-                                        const NvdbEntry& entry, const VolumeLimits& limits,
-                                        int thread_count) {
+absl::StatusOr<VolumeBytes> ReadNvdbImage(const std::string& file_name, const FileBytes& file,
+                                          const NvdbEntry& entry, const VolumeLimits& limits) {
   if (entry.grid_bytes > limits.grid_bytes_max) {
     return absl::ResourceExhaustedError(
         absl::StrCat(file_name, ": grid \"", entry.name, "\" takes ", entry.grid_bytes,
@@ -171,7 +170,15 @@ absl::StatusOr<VolumeGrid> ReadNvdbGrid(const std::string& file_name, const File
   }
   const absl::Status status = ReadData(file_name, file, entry, image);
   if (!status.ok()) return status;
-  return VolumeGrid::FromImage(std::move(image), file_name, limits, thread_count);
+  return image;
+}
+
+absl::StatusOr<VolumeGrid> ReadNvdbGrid(const std::string& file_name, const FileBytes& file,
+                                        const NvdbEntry& entry, const VolumeLimits& limits,
+                                        int thread_count) {
+  auto image = ReadNvdbImage(file_name, file, entry, limits);
+  if (!image.ok()) return image.status();
+  return VolumeGrid::FromImage(*std::move(image), file_name, limits, thread_count);
 }
 
 }  // namespace sheaf::volume

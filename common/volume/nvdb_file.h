@@ -16,7 +16,7 @@ namespace sheaf::volume {
 
 struct NvdbEntry : VolumeFileEntry {
   uint64_t grid_bytes = 0, file_bytes = 0;
-  uint16_t codec = 0;
+  uint16_t codec = 0;  // 0: the image is in the file as it is.
 };
 absl::StatusOr<std::vector<NvdbEntry>> ListNvdb(const std::string& file_name, const FileBytes& file,
                                                 const VolumeLimits& limits);
@@ -24,4 +24,7 @@ absl::StatusOr<VolumeGrid> ReadNvdbGrid(const std::string& file_name, const File
                                         const NvdbEntry& entry, const VolumeLimits& limits,
                                         int thread_count);
 
+// The grid's image, which nothing has verified. Errors: those of ReadVolumeGrid.
+absl::StatusOr<VolumeBytes> ReadNvdbImage(const std::string& file_name, const FileBytes& file,
+                                          const NvdbEntry& entry, const VolumeLimits& limits);
 }  // namespace sheaf::volume

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/volume/nvdb_file.h"
+#include "common/volume/page_file.h"
 #include "common/volume/vdb_file.h"
 #include "common/volume/volume_surface.h"
 
@@ -35,20 +36,14 @@ absl::StatusOr<size_t> Find(const std::string& file_name, const std::vector<Entr
 
 struct OpenFile {
   volume::FileBytes file;
-  bool is_vdb;
+  volume::FileKind kind;
 };
 absl::StatusOr<OpenFile> Open(const std::string& file_name, const std::string& local_path) {
   auto file = volume::FileBytes::Open(file_name, local_path);
   if (!file.ok()) return file.status();
-  uint64_t magic = 0;
-  const bool has_magic = file->Read(0, sizeof(magic), &magic);
-  const bool is_vdb = has_magic && volume::BeginsAsVdb(magic);
-  if (!is_vdb && (!has_magic || magic != kNanovdbMagic)) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        file_name,
-        ": neither a NanoVDB (.nvdb) nor an OpenVDB (.vdb) file: its first bytes match neither"));
-  }
-  return OpenFile{*std::move(file), is_vdb};
+  const auto kind = volume::KindOf(file_name, *file);
+  if (!kind.ok()) return kind.status();
+  return OpenFile{*std::move(file), *kind};
 }
 
 absl::StatusOr<std::vector<VolumeFileEntry>> ListVdb(volume::VdbFile& file) {
@@ -72,6 +67,19 @@ absl::StatusOr<VolumeGrid> ReadVdbGrid(const std::string& file_name, const OpenF
   return VolumeGrid::FromImage(*std::move(image), file_name, limits, thread_count);
 }
 
+absl::StatusOr<VolumeGrid> ReadPagedGrid(const std::string& file_name, volume::FileBytes file,
+                                         const std::string& grid_name, const VolumeLimits& limits,
+                                         std::shared_ptr<volume::VolumePages> pages) {
+  auto page_file = volume::PageFile::Open(file_name, std::move(file), limits);
+  if (!page_file.ok()) return page_file.status();
+  const auto index = Find(file_name, page_file->List(), grid_name);
+  if (!index.ok()) return index.status();
+  if (pages == nullptr) {
+    pages = std::make_shared<volume::VolumePages>(volume::VolumePages::kBytesMaxDefault);
+  }
+  return page_file->Take(*index, limits, std::move(pages));
+}
+
 // A surface that OpenVDB makes of an untrusted file is as untrusted.
 absl::Status CheckSurface(const std::string& file_name, const VolumeSurface& surface) {
   const auto is_finite = [](const auto& v) {
@@ -89,15 +97,29 @@ absl::Status CheckSurface(const std::string& file_name, const VolumeSurface& sur
 
 }  // namespace
 
+absl::StatusOr<volume::FileKind> volume::KindOf(const std::string& file_name,
+                                                const FileBytes& file) {
+  uint64_t magic = 0;
+  if (file.Read(0, sizeof(magic), &magic)) {
+    if (BeginsAsVdb(magic)) return FileKind::kVdb;
+    if (magic == kNanovdbMagic) return FileKind::kNvdb;
+    if (magic == kPageMagic) return FileKind::kPages;
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat(file_name, ": neither a NanoVDB (.nvdb) nor an OpenVDB (.vdb) file nor a page ",
+                   "file: its first bytes match none"));
+}
+
 absl::StatusOr<VolumeSurface> ReadVolumeSurface(const std::string& file_name,
                                                 const std::string& local_path,
                                                 const std::string& grid_name, float isovalue,
                                                 const VolumeLimits& limits) {
   const auto open = Open(file_name, local_path);
   if (!open.ok()) return open.status();
-  if (!open->is_vdb) {
+  if (open->kind != volume::FileKind::kVdb) {
     return absl::InvalidArgumentError(absl::StrCat(
-        file_name, ": is a NanoVDB file; surfaces are made of OpenVDB files (.vdb): convert it"));
+        file_name, ": is a ", open->kind == volume::FileKind::kNvdb ? "NanoVDB" : "page",
+        " file; surfaces are made of OpenVDB files (.vdb): convert it"));
   }
   const auto file = volume::VdbFile::Open(file_name, open->file, limits);
   if (!file.ok()) return file.status();
@@ -120,9 +142,14 @@ absl::StatusOr<VolumeSurface> ReadVolumeSurface(const std::string& file_name,
 absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& file_name,
                                                             const std::string& local_path,
                                                             const VolumeLimits& limits) {
-  const auto open = Open(file_name, local_path);
+  auto open = Open(file_name, local_path);
   if (!open.ok()) return open.status();
-  if (open->is_vdb) {
+  if (open->kind == volume::FileKind::kPages) {
+    const auto file = volume::PageFile::Open(file_name, std::move(open->file), limits);
+    if (!file.ok()) return file.status();
+    return file->List();
+  }
+  if (open->kind == volume::FileKind::kVdb) {
     const auto file = volume::VdbFile::Open(file_name, open->file, limits);
     return file.ok() ? ListVdb(**file) : file.status();
   }
@@ -134,10 +161,15 @@ absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& f
 absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           const std::string& local_path,
                                           const std::string& grid_name, const VolumeLimits& limits,
-                                          int thread_count) {
-  const auto open = Open(file_name, local_path);
+                                          int thread_count,
+                                          std::shared_ptr<volume::VolumePages> pages) {
+  auto open = Open(file_name, local_path);
   if (!open.ok()) return open.status();
-  if (open->is_vdb) return ReadVdbGrid(file_name, *open, grid_name, limits, thread_count);
+  if (open->kind == volume::FileKind::kPages) {
+    return ReadPagedGrid(file_name, std::move(open->file), grid_name, limits, std::move(pages));
+  }
+  if (open->kind == volume::FileKind::kVdb)
+    return ReadVdbGrid(file_name, *open, grid_name, limits, thread_count);
   const auto entries = volume::ListNvdb(file_name, open->file, limits);
   if (!entries.ok()) return entries.status();
   const auto index = Find(file_name, *entries, grid_name);

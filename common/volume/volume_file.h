@@ -1,11 +1,13 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Volume grids from files: NanoVDB's .nvdb and OpenVDB's .vdb, distinguished by their first bytes.
-// Both are untrusted. Sizes of a .nvdb file are compared with the file's and with the limits before
-// memory is allocated; OpenVDB reads a .vdb file in a confined process (vdb_file.h).
+// Volume grids from files: NanoVDB's .nvdb, OpenVDB's .vdb and page files (page_maker.h),
+// distinguished by their first bytes. All are untrusted. Sizes of a .nvdb file are compared with
+// the file's and with the limits before memory is allocated; OpenVDB reads a .vdb file in a
+// confined process (vdb_file.h).
 #pragma once
 
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -30,12 +32,23 @@ absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& f
                                                             const std::string& local_path,
                                                             const VolumeLimits& limits = {});
 
-// The first grid of that name.
+namespace volume {
+class FileBytes;
+class VolumePages;
+
+enum class FileKind { kNvdb, kVdb, kPages };
+// Errors: kInvalidArgument if it is none of them.
+absl::StatusOr<FileKind> KindOf(const std::string& file_name, const FileBytes& file);
+}  // namespace volume
+
+// The first grid of that name. pages: the memory of a page file's pages; if null, the grid has its
+// own, of VolumePages::kBytesMaxDefault.
 // Errors: as ListVolumeFile; also kNotFound, listing the names in the file; kInvalidArgument for
 // unsupported types (points, ...).
 absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           const std::string& local_path,
                                           const std::string& grid_name,
-                                          const VolumeLimits& limits = {}, int thread_count = 1);
+                                          const VolumeLimits& limits = {}, int thread_count = 1,
+                                          std::shared_ptr<volume::VolumePages> pages = nullptr);
 
 }  // namespace sheaf

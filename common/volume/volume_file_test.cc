@@ -144,7 +144,7 @@ TEST_F(VolumeFileTest, RefusesInvalidDensities) {
 
 TEST_F(VolumeFileTest, RefusesOtherFiles) {
   EXPECT_THAT(Message(""), HasSubstr("smoke.vdb: neither a NanoVDB (.nvdb) nor an OpenVDB"));
-  EXPECT_THAT(Message("ply\nformat ascii 1.0\n"), HasSubstr("its first bytes match neither"));
+  EXPECT_THAT(Message("ply\nformat ascii 1.0\n"), HasSubstr("its first bytes match none"));
   std::string old = NvdbFile({{.value = Lumps}}, NvdbCodec::kNone);
   const uint32_t version = 29u << 21;
   std::memcpy(&old[8], &version, sizeof(version));

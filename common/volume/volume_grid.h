@@ -84,16 +84,31 @@ class VolumeBytes {
   uint64_t size_ = 0;
 };
 
+namespace volume {
+class PagedGrid;
+class PagedPins;
+}  // namespace volume
+
 class VolumeGrid {
  public:
-  // Caches the nodes that the last lookup visited, for one call site. A value; cheap to create.
+  // Caches the nodes that the last lookup visited, for one call site; of a page file, it keeps up
+  // to eight pages in memory. Cheap to create. Requires: the grid outlives it.
   class Cursor {
    public:
     explicit Cursor(const VolumeGrid& grid);
+    ~Cursor() {
+      if (is_paged_) Unpin();
+    }
+    Cursor(const Cursor&) = delete;
+    Cursor& operator=(const Cursor&) = delete;
 
    private:
     friend class VolumeGrid;
+    volume::PagedPins* pins();
+    void Unpin();
+    // NanoVDB's accessor, or the pins of pages.
     alignas(8) std::array<std::byte, 80> accessor_;
+    bool is_paged_;
   };
 
   // Takes ownership of the image after verifying every node and value, with `thread_count` threads.
@@ -102,11 +117,19 @@ class VolumeGrid {
   static absl::StatusOr<VolumeGrid> FromImage(VolumeBytes image, const std::string& where,
                                               const VolumeLimits& limits, int thread_count = 1);
 
+  // A grid of a page file, whose index is verified. Errors: kInvalidArgument if its transform is
+  // singular.
+  static absl::StatusOr<VolumeGrid> FromPages(std::shared_ptr<const volume::PagedGrid> pages,
+                                              const std::string& where);
+
   const VolumeGridInfo& info() const { return info_; }
-  // The bytes of this grid's share of the image: summed over the grids that hold it, the image.
-  uint64_t memory_bytes() const {
-    return info_.memory_bytes / static_cast<uint64_t>(image_.use_count());
-  }
+  // The bytes of this grid's share of the image: summed over the grids that hold it, the image. A
+  // page file counts its index, and VolumePages its pages.
+  uint64_t memory_bytes() const;
+  // Whether leaves are read page by page.
+  bool is_paged() const { return pages_ != nullptr; }
+  // Tells a paged grid's VolumePages of memory that volumes take beside pages.
+  void AddOtherBytes(uint64_t bytes) const;
   bool is_vector() const { return info_.type == VolumeValueType::kVec3f; }
   const Matrix4& medium_from_index() const { return medium_from_index_; }
   const Matrix4& index_from_medium() const { return index_from_medium_; }
@@ -135,7 +158,11 @@ class VolumeGrid {
   // The common value of all voxels of lo..hi, if they lie in tiles (or outside all nodes) of the
   // same value.
   std::optional<float> UniformValue(Index3 lo, Index3 hi) const;
-  // The same two functions for a grid of vectors: for one component, and for all.
+  // The exact range of the block of 8^3 voxels at `origin`, of one voxel below it and of three
+  // above, along each axis, if it is known without reading voxels. Requires: !is_vector(); origin
+  // is a multiple of 8.
+  std::optional<ValueRange> BlockRange(Index3 origin) const;
+  // The functions ReadBox and UniformValue for a grid of vectors: for one component, and for all.
   // Requires: is_vector().
   void ReadComponentBox(size_t component, Index3 lo, Index3 hi, std::span<float> out,
                         Cursor* cursor) const;
@@ -143,8 +170,13 @@ class VolumeGrid {
 
  private:
   VolumeGrid() = default;
+  float PagedAt(Vec3d p_index, Cursor* cursor) const;
+  // Sets the inverse transform and the box.
+  absl::Status Place(const std::string& where);
 
+  // One of them is there.
   std::shared_ptr<const VolumeBytes> image_;
+  std::shared_ptr<const volume::PagedGrid> pages_;
   VolumeGridInfo info_;
   Matrix4 medium_from_index_, index_from_medium_;
   IndexBox box_;

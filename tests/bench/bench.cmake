@@ -21,6 +21,8 @@ add_executable(fog_light_bench ${CMAKE_CURRENT_LIST_DIR}/fog_light_bench.cc)
 target_link_libraries(fog_light_bench PRIVATE sheaf::render sheaf::film GTest::gtest sheaf_warnings)
 add_executable(majorant_bench ${CMAKE_CURRENT_LIST_DIR}/majorant_bench.cc)
 target_link_libraries(majorant_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
+add_executable(paged_volume_bench ${CMAKE_CURRENT_LIST_DIR}/paged_volume_bench.cc)
+target_link_libraries(paged_volume_bench PRIVATE sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 add_executable(part_bench ${CMAKE_CURRENT_LIST_DIR}/part_bench.cc)
 target_link_libraries(part_bench PRIVATE sheaf::film sheaf_warnings)
 add_executable(completions_bench ${CMAKE_CURRENT_LIST_DIR}/completions_bench.cc)
@@ -39,7 +41,7 @@ add_executable(discrepancy_bench ${CMAKE_CURRENT_LIST_DIR}/discrepancy_bench.cc)
 target_link_libraries(discrepancy_bench PRIVATE sheaf::render_sampling sheaf_warnings)
 set(benches
   ray_rate_bench memory_bench texture_memory_bench geometry_bench many_lights_bench
-  variant_speed_bench volume_bench fog_light_bench majorant_bench part_bench completions_bench
+  variant_speed_bench volume_bench fog_light_bench majorant_bench paged_volume_bench part_bench completions_bench
   connections_bench similarity_bench light_samples_bench store_bench discrepancy_bench)
 set_target_properties(${benches} PROPERTIES EXCLUDE_FROM_ALL ON)
 add_custom_target(benches DEPENDS ${benches})

@@ -12,6 +12,7 @@
 #include "common/base/check.h"
 #include "common/base/cpu_clock.h"
 #include "common/scene/settings/path_shares.h"
+#include "common/volume/volume_pages.h"
 #include "worker/render/eyes/eye_passes.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
@@ -100,6 +101,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
   if (HasOneTile(scene.settings)) return RenderSharedTile(scene, tile, block, stop, stats);
   if (absl::Status status = EnsureGuiding(scene, stop); !status.ok()) return status;
   const double start_seconds = ThreadCpuSeconds();
+  const volume::PageCounts start_pages = volume::VolumePages::CountsOfThread();
   const RenderRowFunction render_row = RowFunctionFor(scene);
   const PixelLattice& lattice = scene.settings.lattice;
   std::optional<FilmTile> film;
@@ -139,8 +141,16 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
     stats->raised_majorants = raised_majorants;
     stats->cpu_seconds = ThreadCpuSeconds() - start_seconds;
     stats->non_finite = accumulator->non_finite();
+    const volume::PageCounts pages = volume::VolumePages::CountsOfThread() - start_pages;
+    stats->volume_pages = pages.pages_read;
+    stats->volume_bytes = pages.bytes_read;
+    stats->volume_waits = pages.waits;
   }
   return *std::move(film);
+}
+
+absl::Status CheckVolumes(const CompiledScene& scene) {
+  return scene.media == nullptr ? absl::OkStatus() : scene.media->PageStatus();
 }
 
 }  // namespace sheaf::render

@@ -28,6 +28,8 @@ struct RenderStats {
   uint64_t grazing_merges = 0;    // Merges that were dropped: RayCounts.
   uint64_t broken_majorants = 0;  // Remaining biased lookups: RayCounts.
   uint32_t raised_majorants = 0;  // Times the block was rendered again because of them.
+  // Pages of volumes that this pass read, their bytes in files, and waits for other threads.
+  uint64_t volume_pages = 0, volume_bytes = 0, volume_waits = 0;
   double cpu_seconds = 0;
   // For light passes: of splats, by the pixel they fell on and their pass.
   std::vector<PixelAccumulator::NonFinite> non_finite;
@@ -44,5 +46,9 @@ struct RenderStats {
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,
                                         SampleBlock block, std::stop_token stop,
                                         RenderStats* stats);
+
+// The first error of reading a volume while anything of the scene was rendered: what was rendered
+// since is wrong. Errors: kDataLoss.
+absl::Status CheckVolumes(const CompiledScene& scene);
 
 }  // namespace sheaf::render

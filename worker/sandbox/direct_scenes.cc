@@ -55,6 +55,9 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   stats->grazing_merges += more.grazing_merges;
   stats->broken_majorants += more.broken_majorants;
   stats->raised_majorants += more.raised_majorants;
+  stats->volume_pages += more.volume_pages;
+  stats->volume_bytes += more.volume_bytes;
+  stats->volume_waits += more.volume_waits;
   stats->cpu_seconds += more.cpu_seconds;
   stats->non_finite.insert(stats->non_finite.end(), more.non_finite.begin(), more.non_finite.end());
 }
@@ -139,11 +142,13 @@ class DirectScene : public OpenScene {
       absl::StatusOr<std::string> field =
           render::TrainGuiding(*scene_, training_threads_, stop, &stats);
       if (!field.ok()) return field.status();
+      if (absl::Status volumes = render::CheckVolumes(*scene_); !volumes.ok()) return volumes;
       LogStats(lease.frame_name, lease.kind, stats);
       return RenderedPart{*std::move(field), stats.rays, stats.cpu_seconds};
     }
     const absl::StatusOr<FilmTile> tile = RenderCells(lease, stop, &stats);
     if (!tile.ok()) return tile.status();
+    if (absl::Status volumes = render::CheckVolumes(*scene_); !volumes.ok()) return volumes;
     LogStats(lease.frame_name, lease.kind, stats);
     return RenderedPart{EncodePart(*tile, {lease.frame_digest, NumericProfile(),
                                            lease.settings.lattice, lease.cells, lease.kind}),
@@ -216,6 +221,7 @@ OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
   if (!fits.ok()) return Failed(FailureKind::kMemory, fits);
   render::CompileLimits limits;
   limits.texture_cache_bytes_max = scene_limits.texture_memory_bytes_max;
+  limits.volume_memory_bytes_max = scene_limits.volume_memory_bytes_max;
   limits.build_threads = scene_limits.build_threads;
   absl::StatusOr<render::CompiledScenePtr> compiled =
       render::CompileScene(std::move(read->scene), inputs.settings, *source, limits);

@@ -38,6 +38,7 @@ uint64_t MemoryBytesMax(const SceneLimits& limits) {
   const uint64_t other_bytes =
       kProgramBytes + kThreadBytes * (limits.build_threads + limits.render_threads);
   const double bytes = scene_bytes + static_cast<double>(limits.texture_memory_bytes_max) +
+                       static_cast<double>(limits.volume_memory_bytes_max) +
                        static_cast<double>(other_bytes);
   return bytes < 0x1p62 ? static_cast<uint64_t>(bytes) : UINT64_MAX;
 }

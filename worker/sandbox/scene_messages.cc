@@ -16,6 +16,7 @@ v1::LoadSceneRequest LoadRequestOf(const SceneInputs& inputs) {
   *message.mutable_settings() = sheaf::ToWire(inputs.settings);
   message.set_scene_memory_bytes_max(inputs.limits.scene_memory_bytes_max);
   message.set_texture_memory_bytes_max(inputs.limits.texture_memory_bytes_max);
+  message.set_volume_memory_bytes_max(inputs.limits.volume_memory_bytes_max);
   message.set_build_threads(inputs.limits.build_threads);
   message.set_render_threads(inputs.limits.render_threads);
   return message;
@@ -28,7 +29,8 @@ absl::StatusOr<SceneInputs> FromWire(const v1::LoadSceneRequest& message) {
   inputs.main_file = message.main_file();
   inputs.settings = *std::move(settings);
   inputs.limits = {message.scene_memory_bytes_max(), message.texture_memory_bytes_max(),
-                   message.build_threads(), message.render_threads()};
+                   message.build_threads(), message.render_threads(),
+                   message.volume_memory_bytes_max()};
   return inputs;
 }
 

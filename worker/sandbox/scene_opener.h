@@ -26,6 +26,7 @@ struct SceneLimits {
   uint64_t texture_memory_bytes_max = uint64_t{512} << 20;
   uint32_t build_threads = 0;   // 0: the machine's number of threads.
   uint32_t render_threads = 1;  // Tasks rendered at once; a training uses as many threads.
+  uint64_t volume_memory_bytes_max = uint64_t{512} << 20;  // For pages of page files.
 };
 
 // All that a scene is made of.

@@ -100,7 +100,7 @@ EmbeddedWorker::EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
       loader_(data, cache_.get(), scenes_.get(),
               {options.scene_memory_bytes_max, options.texture_memory_bytes_max,
                static_cast<uint32_t>(agent_options.thread_count),
-               static_cast<uint32_t>(agent_options.thread_count)},
+               static_cast<uint32_t>(agent_options.thread_count), options.volume_memory_bytes_max},
               exchange_.get()),
       link_(control, data, options.coordinator),
       agent_(agent_options, &link_, &loader_) {}

@@ -36,6 +36,7 @@ struct WorkerOptions {
   const BlobStore* cache_lender = nullptr;  // ContentCacheLimits::lender.
   uint64_t scene_memory_bytes_max = uint64_t{4} << 30;
   uint64_t texture_memory_bytes_max = uint64_t{512} << 20;
+  uint64_t volume_memory_bytes_max = uint64_t{512} << 20;
   int32_t leases_ahead = 2;
   std::chrono::milliseconds grace{10'000};
   std::chrono::milliseconds exit_when_idle{0};

@@ -136,6 +136,10 @@ void AddOptions(CLI::App* app, Arguments* arguments) {
   app->add_option("--texture-memory-max", worker.texture_memory_bytes_max,
                   "Limit of memory for texture tiles, e.g. 512M (default 512M)")
       ->transform(AsBytes());
+  app->add_option("--volume-memory-max", worker.volume_memory_bytes_max,
+                  "Limit of memory for volumes that sheaf pack made, e.g. 2G (default 512M);\n"
+                  "other volumes are read into the memory for scenes")
+      ->transform(AsBytes());
   app->add_option("--queued-leases-max", worker.leases_ahead,
                   "Tasks to queue while all threads are busy")
       ->check(InRange(0, 1024))

@@ -19,7 +19,8 @@ absl::StatusOr<VolumeGrid> GridFiles::Read(const std::string& where, const std::
   if (known != grids_.end()) return known->second;
   const auto path = files_->LocalPath(file);
   if (!path.ok()) return path.status();
-  auto read = ReadVolumeGrid(absl::StrCat(where, ": ", file), *path, grid, {}, thread_count_);
+  auto read =
+      ReadVolumeGrid(absl::StrCat(where, ": ", file), *path, grid, {}, thread_count_, pages_);
   if (read.ok()) grids_.emplace(std::pair{file, grid}, *read);
   return read;
 }

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "common/scene/file_source.h"
 #include "common/volume/volume_file.h"
 #include "common/volume/volume_grid.h"
+#include "common/volume/volume_pages.h"
 
 namespace sheaf::render {
 
@@ -20,8 +22,14 @@ namespace sheaf::render {
 class GridFiles {
  public:
   // `files` must outlive the reader. thread_count: of the verification of a grid.
-  GridFiles(FileSource* files, int thread_count) : files_(files), thread_count_(thread_count) {}
+  // volume_memory_bytes_max: the limit of the memory for pages of page files.
+  GridFiles(FileSource* files, int thread_count,
+            uint64_t volume_memory_bytes_max = volume::VolumePages::kBytesMaxDefault)
+      : files_(files),
+        thread_count_(thread_count),
+        pages_(std::make_shared<volume::VolumePages>(volume_memory_bytes_max)) {}
 
+  const std::shared_ptr<volume::VolumePages>& pages() const { return pages_; }
   // The grids of a file. file: canonical name, for FileSource. Messages of errors begin with
   // `where` and the name.
   absl::StatusOr<std::vector<VolumeFileEntry>> List(const std::string& where,
@@ -34,6 +42,7 @@ class GridFiles {
  private:
   FileSource* files_;
   int thread_count_;
+  std::shared_ptr<volume::VolumePages> pages_;
   std::map<std::pair<std::string, std::string>, VolumeGrid> grids_;  // By file, name.
 };
 

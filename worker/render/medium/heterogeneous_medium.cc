@@ -38,6 +38,7 @@ absl::StatusOr<HeterogeneousMedium> HeterogeneousMedium::FromGrid(const std::str
   const auto options = medium.Place(where, placement, AffineOf(density.medium_from_index()));
   if (!options.ok()) return options.status();
   medium.majorants_ = MajorantGrid::Build(GridDensitySource(density), *options);
+  density.AddOtherBytes(medium.majorants_.memory_bytes());
   medium.density_ = std::move(density);
   return medium;
 }

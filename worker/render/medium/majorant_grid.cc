@@ -100,6 +100,12 @@ void GridDensitySource::BlockBounds(Index3 origin, std::span<DensityBounds, 64> 
   ReduceToCells(values, factor_, cells);
 }
 
+std::optional<DensityBounds> GridDensitySource::BlockUnion(Index3 origin) const {
+  const auto range = grid_.BlockRange(origin);
+  if (!range) return std::nullopt;
+  return DensityBounds{factor_ * range->min, factor_ * range->max};
+}
+
 DensityBounds ComponentSource::Bounds() const {
   const float longest = grid_.info().values.max;
   return {-longest, longest};
@@ -171,6 +177,13 @@ class MajorantBuilder {
                 kLookUpCost * options_.extinction_per_voxel *
                     (static_cast<double>(bounds.upper) - 0.5 * static_cast<double>(bounds.lower))};
   }
+  // Whether a block of these bounds stays one cell, whatever its cells' bounds are: with
+  // lower <= l <= u, each costs at least what one of u = l = lower does.
+  bool IsOneCell(DensityBounds block) const {
+    constexpr double kRounding = 1 - 1e-9;
+    return block.lower >= 0 &&
+           Leaf(block, kBlock).cost <= kRounding * Leaf({block.lower, block.lower}, kFine).cost;
+  }
   static DensityBounds Union(DensityBounds a, DensityBounds b) {
     return {std::min(a.lower, b.lower), std::max(a.upper, b.upper)};
   }
@@ -178,6 +191,9 @@ class MajorantBuilder {
   Built BuildBlock(Index3 origin) {
     if (block_budget_ == 0) return Leaf(source_.Bounds(), kBlock);
     --block_budget_;
+    if (const auto known = source_.BlockUnion(origin); known && IsOneCell(*known)) {
+      return Leaf(*known, kBlock);
+    }
     MajorantGrid::Brick brick;
     source_.BlockBounds(origin, brick);
     DensityBounds all = brick[0];

@@ -43,6 +43,8 @@ class DensitySource {
   // Bounds over the 4^3 cells of 2 voxels a side in the block of 8 at `origin`, x slowest. Each
   // cell's bounds include a margin of one voxel on all sides.
   virtual void BlockBounds(Index3 origin, std::span<DensityBounds, 64> cells) const = 0;
+  // The union of these bounds, exactly, if it is known without looking at the block.
+  virtual std::optional<DensityBounds> BlockUnion(Index3 /*origin*/) const { return std::nullopt; }
 };
 
 // A scalar grid times a factor. Requires: grid outlives *this, factor >= 0.
@@ -54,6 +56,7 @@ class GridDensitySource : public DensitySource {
   DensityBounds Bounds() const override;
   std::optional<float> UniformValue(Index3 lo, Index3 hi) const override;
   void BlockBounds(Index3 origin, std::span<DensityBounds, 64> cells) const override;
+  std::optional<DensityBounds> BlockUnion(Index3 origin) const override;
 
  private:
   const VolumeGrid& grid_;

@@ -132,7 +132,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   const std::vector<bool> is_hidden = FindHidden(scene);
   const double shutter_time = static_cast<double>(scene.camera.shutter_close) -
                               static_cast<double>(scene.camera.shutter_open);
-  GridFiles grid_files(&files, options.thread_count);
+  GridFiles grid_files(&files, options.thread_count, options.volume_memory_bytes_max);
   std::vector<Medium> media;
   for (const MediumDescription& description : scene.media) {
     Medium medium;
@@ -163,8 +163,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
         description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
     medium.is_subsurface = description.is_subsurface;
     medium.is_hidden = is_hidden[media.size()];
-    // For any mesh: a path that leaves a subsurface medium without hitting its boundary is an
-    // error.
+    // A path that leaves a subsurface medium but hits no boundary is an error, for any mesh.
     medium.is_bounded = is_bounded[media.size()] || description.is_subsurface;
     medium.radiance_scale = description.radiance_scale;
     if (medium.emits) medium.radiance = description.radiance.rgb * description.radiance_scale;
@@ -191,6 +190,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   std::stable_sort(order.begin(), order.end(),
                    [&key](size_t a, size_t b) { return key(a) < key(b); });
   auto table = std::make_unique<MediumTable>();
+  table->pages_ = grid_files.pages();
   table->index_of_.resize(media.size());
   for (const size_t i : order) {
     table->index_of_[i] = static_cast<uint16_t>(table->media_.size());

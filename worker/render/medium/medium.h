@@ -14,6 +14,7 @@
 #include "absl/status/statusor.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
+#include "common/volume/volume_pages.h"
 #include "worker/render/color/spectral_color.h"
 #include "worker/render/geometry/scene_geometry.h"
 #include "worker/render/light/light_table.h"
@@ -38,6 +39,8 @@ class MediumTable {
     bool spectral = false;    // PropertiesOf may be called for Spectral too.
     int thread_count = 1;     // For reading and bounding grids.
     bool bound_once = false;  // HeterogeneousMedium::Placement::bound_once.
+    // Limit of memory for the pages of page files.
+    uint64_t volume_memory_bytes_max = volume::VolumePages::kBytesMaxDefault;
   };
   // Errors: those of the grids' files; kInvalidArgument, with the location of the medium, for media
   // that cannot be rendered; kResourceExhausted over kMediaMax.
@@ -140,6 +143,8 @@ class MediumTable {
   };
   EquiangularSpan EquiangularSpanOf(const MediumSet& media, Vec3d o, Vec3d d, double length) const;
   uint64_t memory_bytes() const;
+  // The first error of reading a page of a page file; the media are wrong from then on.
+  absl::Status PageStatus() const { return pages_->status(); }
 
  private:
   struct Part {
@@ -199,6 +204,7 @@ class MediumTable {
     }
   }
 
+  std::shared_ptr<volume::VolumePages> pages_;
   std::vector<Medium> media_;
   std::vector<uint16_t> index_of_;
   MediumSet camera_media_;

@@ -20,7 +20,8 @@ namespace sheaf::render {
 
 struct CompileLimits {
   uint64_t texture_cache_bytes_max = uint64_t{512} << 20;
-  uint32_t build_threads = 0;  // 0: the machine's number of threads.
+  uint64_t volume_memory_bytes_max = uint64_t{512} << 20;  // For pages of volumes.
+  uint32_t build_threads = 0;                              // 0: the machine's number of threads.
   // Total over all displaced meshes; a triangle takes some 150 bytes during construction, 60 after.
   uint64_t displaced_triangles_max = uint64_t{1} << 24;
 };

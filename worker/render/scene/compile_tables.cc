@@ -33,8 +33,9 @@ absl::Status BuildMedia(FileSource& files, CompileInput* input, CompiledScene* s
   absl::StatusOr<std::unique_ptr<MediumTable>> media =
       MediumTable::Build(scene->description, scene->geometry, std::move(input->velocities), files,
                          {Has(scene->plan.traits, Trait::kSpectral), input->threads,
-                          input->techniques.bound_media_once});
+                          input->techniques.bound_media_once, input->volume_memory_bytes_max});
   if (!media.ok()) return media.status();
+  if (absl::Status pages = (*media)->PageStatus(); !pages.ok()) return pages;
   (*media)->ChooseEquiangular(*scene->lights, input->techniques.equiangular_mode);
   scene->media = *std::move(media);
   scene->majorant_factor = input->techniques.majorant_factor;

@@ -26,6 +26,7 @@ struct CompileInput {
   int threads = 1;
   uint64_t texture_cache_bytes_max = 0;  // As for TextureCache.
   CompileTechniques techniques;
+  uint64_t volume_memory_bytes_max = CompileLimits().volume_memory_bytes_max;
 };
 
 // Errors: those of CompileScene.

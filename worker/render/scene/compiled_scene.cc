@@ -68,6 +68,7 @@ absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription descr
                                        : std::max(1u, std::thread::hardware_concurrency()));
   input.texture_cache_bytes_max = limits.texture_cache_bytes_max;
   input.techniques = techniques;
+  input.volume_memory_bytes_max = limits.volume_memory_bytes_max;
   absl::StatusOr<MediumVelocities> velocities =
       ReadMediumVelocities(files, input.threads, &description);
   if (!velocities.ok()) return velocities.status();

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/memory_room.h"
+#include "common/volume/page_maker.h"
 
 namespace sheaf::render {
 namespace {
@@ -19,6 +20,8 @@ constexpr uint64_t kCurveBytes = 260;
 constexpr uint64_t kInstanceBytes = 600;
 // Sparse voxels are compressed in a file but not in memory, which also holds cell bounds.
 constexpr uint64_t kVolumeFileFactor = 2;
+// An index is in memory twice while it is verified.
+constexpr uint64_t kPageIndexFactor = 2;
 
 uint64_t VolumeBytes(const MediumDescription& medium, FileSource& files) {
   if (const auto* grid = std::get_if<UniformGridMedium>(&medium.kind)) {
@@ -32,6 +35,10 @@ uint64_t VolumeBytes(const MediumDescription& medium, FileSource& files) {
   const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
   if (volume == nullptr) return 0;
   const absl::StatusOr<std::string> path = files.LocalPath(volume->file);
+  // A page file's index alone is always in memory.
+  if (const auto index = path.ok() ? PageIndexBytes(*path) : std::nullopt) {
+    return *index * kPageIndexFactor;
+  }
   std::error_code error;
   const uint64_t size = path.ok() ? std::filesystem::file_size(*path, error) : 0;
   return error ? 0 : size * kVolumeFileFactor;

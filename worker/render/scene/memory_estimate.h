@@ -26,8 +26,8 @@ struct MemoryEstimate {
   uint64_t TotalBytes() const { return surface_bytes + volume_bytes; }
 };
 
-// Without the description itself, texture tiles (bounded by the cache's limit), and the results of
-// displacement. Missing files count as 0.
+// Without the description itself, texture tiles and pages of volumes (bounded by the limits of
+// their caches), and the results of displacement. Missing files count as 0.
 MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files);
 
 // "1.2 GiB while it is loaded: 4194304 triangles, 3 instances 1.1 GiB, volumes 90 MiB".
