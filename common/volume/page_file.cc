@@ -25,9 +25,10 @@ bool TakeValues(std::string_view* bytes, size_t count, std::vector<T>* values) {
 }  // namespace
 
 absl::Status PageFile::Damaged(const char* what) const {
-  return absl::DataLossError(absl::StrCat(file_name_, ": ", what,
-                                          ": the page file is altered or cut short; make it again "
-                                          "(sheaf pack)"));
+  return absl::InvalidArgumentError(
+      absl::StrCat(file_name_, ": ", what,
+                   ": the page file is altered or cut short; make it again "
+                   "(sheaf pack)"));
 }
 
 absl::StatusOr<PageFile> PageFile::Open(const std::string& file_name, FileBytes file,

@@ -19,7 +19,7 @@ namespace sheaf::volume {
 
 class PageFile {
  public:
-  // Errors: kDataLoss if the file is cut short or its index altered; kInvalidArgument for another
+  // Errors: kInvalidArgument if the file is cut short or its index altered, and for another
   // version; kResourceExhausted beyond the limits.
   static absl::StatusOr<PageFile> Open(const std::string& file_name, FileBytes file,
                                        const VolumeLimits& limits);

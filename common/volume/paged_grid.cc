@@ -104,7 +104,7 @@ PagedGrid::PagedGrid(std::string where, std::shared_ptr<const FileBytes> file, P
 PagedGrid::~PagedGrid() { pages_->Forget({slots_.get(), index_.entries.size()}); }
 
 absl::Status PagedGrid::Damaged(const std::string& what) const {
-  return absl::DataLossError(
+  return absl::InvalidArgumentError(
       absl::StrCat(where_, ": grid \"", index_.head.name.data(), "\": ", what,
                    ": the page file is altered or cut short; make it ", "again (sheaf pack)"));
 }

@@ -50,8 +50,9 @@ static_assert(sizeof(PageHead) == 32);
 // Thread safety: const members may be called concurrently.
 class PagedGrid : public PageReader {
  public:
-  // where: messages begin with it. Errors: kDataLoss if the index is damaged; kResourceExhausted
-  // beyond the limits.
+  // where: messages begin with it. Errors: kInvalidArgument if the index is damaged: workers
+  // compare files with their digests, so that the scene is at fault; kResourceExhausted beyond the
+  // limits.
   static absl::StatusOr<std::shared_ptr<const PagedGrid>> Make(
       const std::string& where, std::shared_ptr<const FileBytes> file, PageIndex index,
       const VolumeLimits& limits, std::shared_ptr<VolumePages> pages);

@@ -48,7 +48,7 @@ absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect ti
                                         RenderStats* stats);
 
 // The first error of reading a volume while anything of the scene was rendered: what was rendered
-// since is wrong. Errors: kDataLoss.
+// since is wrong. Errors: kInvalidArgument.
 absl::Status CheckVolumes(const CompiledScene& scene);
 
 }  // namespace sheaf::render
