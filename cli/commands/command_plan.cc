@@ -150,6 +150,10 @@ class PlanCommand : public Command {
     const TechniqueSet merging = measured.BaseOfLight().With(Technique::kMerging),
                        guided = measured.BaseOfLight().With(Technique::kEmissionGuiding),
                        both = merging.With(Technique::kEmissionGuiding);
+    if (measured.learned_lights) {
+      const TechniqueSet learned = measured.BestOfPlain().With(Technique::kLearnedLights);
+      gains[learned.Name()] = measured.Gain(learned);
+    }
     if (measured.merged) gains[merging.Name()] = measured.Gain(merging);
     if (measured.emission_guided) gains[guided.Name()] = measured.Gain(guided);
     if (measured.emission_guided_merged) gains[both.Name()] = measured.Gain(both);
@@ -171,6 +175,10 @@ class PlanCommand : public Command {
                                    {"camera+guiding", cost(measured.guided)}};
     if (measured.guided_both) json["camera+light+guiding"] = cost(*measured.guided_both);
     if (measured.merged) json["merged"] = cost(*measured.merged);
+    if (measured.learned_lights) {
+      json["learned_lights"] = cost(*measured.learned_lights);
+      json["gain_of_learned_lights"] = measured.GainOfLearnedLights();
+    }
     if (measured.emission_guided_merged) {
       json["emission_guided_merged"] = cost(*measured.emission_guided_merged);
     }

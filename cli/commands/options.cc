@@ -197,7 +197,7 @@ void ParseTechniques(const std::string& text, RenderSettings* settings) {
       kTechniquesOption,
       absl::IsNotFound(techniques.status())
           ? absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
-                         " or these with +merging or "
+                         " or these with +learned-lights, +merging or "
                          "+emission-guiding, or camera "
                          "with +sharing or +sharing+views",
                          NearestNameHint(text, words))
@@ -250,7 +250,9 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "from the camera also go where a training, before the first sample, found light, for "
           "rooms that are lit indirectly. +splitting: several paths leave where that light "
           "matters most. +emission-guiding: paths from lights begin where, as the training found, "
-          "light reaches the picture, for pictures of a small part of the scene. +merging: paths "
+          "light reaches the picture, for pictures of a small part of the scene. +learned-lights: "
+          "vertices sample the lights that a short training found to be seen from there, for many "
+          "lights behind walls. +merging: paths "
           "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "
           "by a blur, which errors include. +sharing: paths from the camera count in all pixels "
           "whose filters cover them; +views: and through several points of the lens and, if only "

@@ -200,7 +200,8 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     // A separate training would cost more than the small image. A light image's training is as
     // small as the image, and light passes depend on the guiding of camera paths.
     if (level.lattice.All() && !level.is_light_image) {
-      frame.settings.techniques = frame.settings.techniques.Without(Technique::kGuiding);
+      frame.settings.techniques =
+          frame.settings.techniques.Without(Technique::kGuiding).Without(Technique::kLearnedLights);
       frame.settings.outputs = {};
       frame.settings.outputs.AddLightPaths();
     }
@@ -320,7 +321,8 @@ absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
     frame.settings.outputs = {};
     AddDenoised(&frame.settings.outputs);
     // A training would cost more than a crop.
-    frame.settings.techniques = frame.settings.techniques.Without(Technique::kGuiding);
+    frame.settings.techniques =
+        frame.settings.techniques.Without(Technique::kGuiding).Without(Technique::kLearnedLights);
   }
   if (pilot.frames.empty()) return images;
   const absl::StatusOr<v1::Job> ended = RunPilot(client, arguments, pilot, deadline);

@@ -39,9 +39,13 @@ add_executable(store_bench ${CMAKE_CURRENT_LIST_DIR}/store_bench.cc)
 target_link_libraries(store_bench PRIVATE sheaf::coordinator_store sheaf_warnings)
 add_executable(discrepancy_bench ${CMAKE_CURRENT_LIST_DIR}/discrepancy_bench.cc)
 target_link_libraries(discrepancy_bench PRIVATE sheaf::render_sampling sheaf_warnings)
+add_executable(learned_lights_bench ${CMAKE_CURRENT_LIST_DIR}/learned_lights_bench.cc)
+target_link_libraries(learned_lights_bench PRIVATE
+  sheaf::render sheaf::scene sheaf::film sheaf_warnings)
 set(benches
   ray_rate_bench memory_bench texture_memory_bench geometry_bench many_lights_bench
-  variant_speed_bench volume_bench fog_light_bench majorant_bench paged_volume_bench part_bench completions_bench
-  connections_bench similarity_bench light_samples_bench store_bench discrepancy_bench)
+  variant_speed_bench volume_bench fog_light_bench majorant_bench paged_volume_bench part_bench
+  completions_bench connections_bench similarity_bench light_samples_bench store_bench
+  discrepancy_bench learned_lights_bench)
 set_target_properties(${benches} PROPERTIES EXCLUDE_FROM_ALL ON)
 add_custom_target(benches DEPENDS ${benches})

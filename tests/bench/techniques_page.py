@@ -107,7 +107,9 @@ def page(rows, samples, public):
         "[ADR 97](adr/0097-techniques-by-frame.md). The gain of `auto`, with the price of its own "
         "choice, is in [ADR 64](adr/0064-techniques-by-measured-efficiency.md). Where the picture "
         "shows a small part of the scene, `+emission-guiding` learns where light paths begin that "
-        "reach it: [ADR 128](adr/0128-emission-is-guided.md).", "",
+        "reach it: [ADR 128](adr/0128-emission-is-guided.md). Where most of many lights are behind "
+        "walls, `+learned-lights` learns which ones each region sees: "
+        "[ADR 190](adr/0190-lights-are-learned-alone.md).", "",
         "| scene | techniques | relMSE | CPU s | efficiency | light that light paths find | auto |",
         "|---|---|---|---|---|---|---|"]
     for row in rows:

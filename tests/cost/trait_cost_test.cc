@@ -199,8 +199,9 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
       EXPECT_TRUE(Has(traits, Trait::kPrincipled)) << variant.name << " for " << traits;
       continue;
     }
-    // So do guided frames, and those that split the lights.
-    constexpr uint32_t kRequested = TraitSet(Trait::kGuiding, Trait::kLightSplits);
+    // So do guided frames, those that learn lights, and those that split them.
+    constexpr uint32_t kRequested =
+        TraitSet(Trait::kGuiding, Trait::kLightSplits, Trait::kLearnedLights);
     if ((variant.traits & kRequested) != 0) {
       EXPECT_EQ(variant.traits & kRequested & ~traits, 0u) << variant.name << " for " << traits;
       continue;

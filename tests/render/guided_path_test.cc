@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Tests that paths which a learned field guides find the same light as other paths, whatever the
-// field has learned, and that they find it with less noise where light is hard to find.
+// Tests that paths which a learned field guides, or whose light samples go by one, find the same
+// light as other paths, whatever the field has learned, and that they find it with less noise where
+// light is hard to find.
 #include <gtest/gtest.h>
 
 #include <cstdio>
@@ -27,7 +28,8 @@ using testing::Estimate;
 
 constexpr Tint kColored{1};
 constexpr TechniqueSet kGuided = TechniqueSet::kCameraGuided,
-                       kBothGuided = TechniqueSet::kCameraAndLightGuided;
+                       kBothGuided = TechniqueSet::kCameraAndLightGuided,
+                       kLearnedLights{Technique::kLearnedLights};
 
 struct Rendering {
   TechniqueSet techniques = TechniqueSet::kCamera;
@@ -49,7 +51,7 @@ CompiledScenePtr CompileFor(const TestScene& scene, const Rendering& rendering) 
 std::vector<Estimate> Render(const TestScene& scene, const Rendering& rendering) {
   const CompiledScenePtr compiled = CompileFor(scene, rendering);
   std::vector<Estimate> estimates = EstimatesOfBoth(RenderBothFilms(*compiled));
-  EXPECT_EQ(compiled->guiding != nullptr, IsGuided(rendering.techniques));
+  EXPECT_EQ(compiled->guiding != nullptr, NeedsTraining(rendering.techniques));
   if (compiled->guiding != nullptr) {
     EXPECT_GT(compiled->guiding->fields()->directions.region_count(), 3u);
   }
@@ -120,6 +122,30 @@ TEST(GuidedPathTest, FindWhatTheCameraFindsBesideLightPathsInMediaAndThroughASli
   scenes.push_back(SlitRoom(kColored, 0.8f));
   ExpectGuidedAgree("guided beside light paths, in media and through a slit", scenes, 4 * Bias(),
                     {.techniques = kBothGuided, .samples = 64});
+}
+
+TEST(LearnedLightsTest, FindWhatTheCameraFinds) {
+  std::vector<TestScene> scenes = LitScenes();
+  scenes.push_back(DividedHall(kColored));
+  ExpectGuidedAgree("learned lights", scenes, BiasOfNoisyPair(),
+                    {.techniques = kLearnedLights, .samples = 64});
+}
+TEST(LearnedLightsTest, FindWhatTheCameraFindsInMediaAndBodiesInSpectra) {
+  std::vector<TestScene> scenes = MistyScenes();
+  scenes.push_back(Bodies(kColored));
+  ExpectGuidedAgree(
+      "learned lights in media and bodies, spectra", scenes, 2 * Bias(),
+      {.techniques = kLearnedLights, .color = ColorTransport::kSpectral, .samples = 64});
+}
+TEST(LearnedLightsTest, FindWhatTheCameraFindsBesideLightPathsAndGuiding) {
+  const std::vector<TestScene> scenes = {ManyLights(kColored), Outdoor(kColored),
+                                         DividedHall(kColored)};
+  for (const TechniqueSet others :
+       {TechniqueSet::kCameraAndLight, kGuided, TechniqueSet::kCameraGuidedSplit}) {
+    const TechniqueSet learned = others.With(Technique::kLearnedLights);
+    ExpectGuidedAgree(learned.Name(), scenes, BiasOfNoisyPair(),
+                      {.techniques = learned, .samples = 64});
+  }
 }
 
 // Where light comes through a slit alone, the variance is 2.4 times smaller.

@@ -111,6 +111,42 @@ TEST(GuidingTrainingTest, EmissionIsLearnedByLightPaths) {
   EXPECT_GT(cells, 16u);
 }
 
+// Regions without directions, and a cut of the lights for each.
+FrameSettings LightsSettings() {
+  FrameSettings settings = GuidedSettings();
+  settings.techniques = {Technique::kLearnedLights};
+  return settings;
+}
+TEST(GuidingTrainingTest, LightsAreLearnedAlone) {
+  for (const TestScene& t : {ManyLights({1}), Outdoor({1})}) {
+    const CompiledScenePtr scene = CompileTrained(t, LightsSettings());
+    RenderStats stats;
+    const absl::StatusOr<std::string> field = TrainGuiding(*scene, 1, {}, &stats);
+    ASSERT_TRUE(field.ok()) << field.status();
+    EXPECT_TRUE(FieldOf(*scene, 4) == *field);
+    // Few paths: a guided frame traces 17 times as many as the first iteration.
+    EXPECT_LT(stats.rays - stats.shadow_rays,
+              7 * (kSmallTraining.training_paths_first << kLightsShift));
+    EXPECT_GT(stats.cpu_seconds, 0);
+    ASSERT_TRUE(SetGuiding(*scene, *field).ok());
+    const LearnedFields& learned = *scene->guiding->fields();
+    EXPECT_TRUE(learned.Encode() == *field);
+    EXPECT_GT(learned.directions.region_count(), 3u);
+    EXPECT_EQ(learned.lights.region_count(), learned.directions.region_count());
+    EXPECT_EQ(learned.directions.RegionOrNull(0), nullptr);
+    // Guided frames learn lights after the directions, and these are as without.
+    FrameSettings both = LightsSettings();
+    both.techniques = both.techniques.With(Technique::kGuiding);
+    const CompiledScenePtr guided = CompileTrained(t, both);
+    ASSERT_TRUE(SetGuiding(*guided, FieldOf(*guided, 3)).ok());
+    const CompiledScenePtr unlearned = CompileTrained(t, GuidedSettings());
+    ASSERT_TRUE(SetGuiding(*unlearned, FieldOf(*unlearned)).ok());
+    const LearnedFields &a = *guided->guiding->fields(), &b = *unlearned->guiding->fields();
+    EXPECT_TRUE(a.directions.Encode() == b.directions.Encode());
+    EXPECT_FALSE(a.lights.Encode() == b.lights.Encode());
+  }
+}
+
 // A crop, a refinement, another output and the generic variant have the field of the frame.
 TEST(GuidingTrainingTest, DependsOnTheFrameAlone) {
   const std::function<void(FrameSettings*)> changes[] = {
@@ -125,7 +161,7 @@ TEST(GuidingTrainingTest, DependsOnTheFrameAlone) {
       [](FrameSettings* s) { s->force_generic_variant = true; },
   };
   for (const TestScene& t : Scenes()) {
-    for (const FrameSettings& frame : {GuidedSettings(), EmissionSettings()}) {
+    for (const FrameSettings& frame : {GuidedSettings(), EmissionSettings(), LightsSettings()}) {
       const std::string field = FieldFor(t, frame);
       for (const auto& change : changes) {
         FrameSettings settings = frame;
@@ -188,7 +224,8 @@ TEST(GuidingTrainingTest, FramesWithoutGuidingAreRefused) {
   const CompiledScenePtr scene = CompileTrained(Diffuse({1}), settings);
   const absl::Status trained = TrainGuiding(*scene, 1, {}, nullptr).status();
   EXPECT_EQ(trained.code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_THAT(trained.message(), HasSubstr("must have guiding or emission-guiding"));
+  EXPECT_THAT(trained.message(),
+              HasSubstr("must have guiding, emission-guiding or learned-lights"));
   const std::string field = FieldFor(Diffuse({1}), GuidedSettings());
   EXPECT_EQ(SetGuiding(*scene, field).code(), absl::StatusCode::kInvalidArgument);
   EXPECT_TRUE(EnsureGuiding(*scene, {}).ok());

@@ -50,12 +50,14 @@ class WeightsTest : public ::testing::Test {
   using FromCamera = IntegratorConfig<kTraits, const EmbreeScene, DirectLight::kByBoth,
                                       PathKind::kCameraBesideLight>;
   static constexpr bool kGuided = Has(kTraits, Trait::kGuiding);
+  static constexpr bool kLearnsLights = Has(kTraits, Trait::kLearnedLights);
   static constexpr bool kEmission = Has(kTraits, Trait::kEmissiveMedia);
 
   void Load(const TestScene& test_scene, bool merges = false) {
     FrameSettings settings = SquareSettings(16, 1, 8);
     settings.techniques =
         kGuided ? TechniqueSet::kCameraAndLightGuided : TechniqueSet::kCameraAndLight;
+    if (kLearnsLights) settings.techniques = settings.techniques.With(Technique::kLearnedLights);
     if (FromCamera::kSplitsLights) settings.light_samples = 8;
     if (merges) settings.techniques = settings.techniques.With(Technique::kMerging);
     if (guides_emission_) {
@@ -74,7 +76,7 @@ class WeightsTest : public ::testing::Test {
     Context<C> context{*compiled_, *compiled_->tracer, sampler, counts_, nullptr, groups, {}, {}};
     const LearnedFields* fields = compiled_->guiding ? compiled_->guiding->fields() : nullptr;
     context.emission = EmissionBy<C>(*compiled_, fields);
-    if constexpr (kGuided) context.guiding.fields = compiled_->guiding->fields();
+    if constexpr (C::kKnowsLights) context.guiding.fields = compiled_->guiding->fields();
     return context;
   }
   // The weights of all random paths of the scenes, of `light_paths` light paths each.
@@ -290,13 +292,14 @@ void WeightsTest<kTraits>::ExpectSumsOfOneInMirror(const std::vector<TestScene>&
       merged += weights->light_path > 0.1;
       if (std::fabs(weights->Sum() - 1) <= 2e-4) continue;
       ++off;
-      EXPECT_TRUE(kGuided) << path.first.points.size() << " vertices: " << weights->light_path
-                           << " + " << weights->sampled << " + " << weights->hit;
+      EXPECT_TRUE(kGuided || kLearnsLights)
+          << path.first.points.size() << " vertices: " << weights->light_path << " + "
+          << weights->sampled << " + " << weights->hit;
     }
   }
   std::printf("%d paths in the mirror, %d by merging, up to %d vertices, %d off\n", compared,
               merged, longest, off);
-  EXPECT_LE(off, kGuided ? compared / 100 : 0);
+  EXPECT_LE(off, kGuided || kLearnsLights ? compared / 100 : 0);
   EXPECT_GT(compared, 1'000);
   EXPECT_GT(merged, compared / 20);
   EXPECT_GE(longest, 3);
@@ -320,7 +323,7 @@ void WeightsTest<kTraits>::ExpectSumsOfOne(const std::vector<TestScene>& scenes,
       weights->light_path = light_path;
       if (std::fabs(weights->Sum() - 1) <= 2e-4) continue;
       ++off;
-      EXPECT_TRUE(kGuided || kEmission || guides_emission_)
+      EXPECT_TRUE(kGuided || kLearnsLights || kEmission || guides_emission_)
           << path.points.size() << " vertices: " << weights->light_path << " + " << weights->sampled
           << " + " << weights->hit;
     }
@@ -330,7 +333,9 @@ void WeightsTest<kTraits>::ExpectSumsOfOne(const std::vector<TestScene>& scenes,
   // The two ends of a path round its points and directions differently, and at the border of two
   // regions, or of two quads, the field's density jumps; so does that of lines through the edges of
   // cells.
-  EXPECT_LE(off, kGuided || guides_emission_ ? compared / 100 : kEmission ? compared / 1000 : 0);
+  EXPECT_LE(off, kGuided || kLearnsLights || guides_emission_ ? compared / 100
+                 : kEmission                                  ? compared / 1000
+                                                              : 0);
   EXPECT_GE(from_media, kEmission ? compared / 4 : 0);
   EXPECT_GT(compared, 5'000);
   EXPECT_GT(compared, followed * 0.95);
@@ -365,12 +370,14 @@ std::vector<TestScene> MirroredScenes() {
 constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
 using LightPathWeightsTest = WeightsTest<kPlainTraits>;
 using GuidedPathWeightsTest = WeightsTest<Guided(kPlainTraits)>;
+using LearnedLightsWeightsTest = WeightsTest<LearnedLights(kPlainTraits)>;
 using SplitWeightsTest = WeightsTest<LightSplit(kPlainTraits)>;
 using GasWeightsTest = WeightsTest<kColoredMediaTraits>;
 using FlameWeightsTest = WeightsTest<kCloudTraits>;
 
 TEST_F(LightPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
 TEST_F(GuidedPathWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
+TEST_F(LearnedLightsWeightsTest, SumToOneOnRandomPaths) { ExpectSumsOfOne(RoughScenes()); }
 TEST_F(LightPathWeightsTest, SumToOneWhereLightPathsAreMerged) {
   ExpectSumsOfOneInMirror(MirroredScenes());
 }

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "tests/support/guided_scenes.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/ablation/technique_pilot.h"
@@ -69,6 +70,18 @@ TEST(TechniqueMeasurementTest, GainGrowsForLightsThatCameraPathsMiss) {
   const double of_small = gain_of(Measure(Caustic(0.01f))),
                of_large = gain_of(Measure(Caustic(0.1f)));
   EXPECT_GT(of_small, 5 * of_large) << of_small << " " << of_large;
+}
+
+// Learned lights are measured where there are lights to choose among.
+TEST(TechniqueMeasurementTest, LearnedLightsAreMeasuredAmongManyLights) {
+  const TechniqueMeasurement hall = Measure(DividedHall({1}), 64);
+  ASSERT_TRUE(hall.learned_lights.has_value());
+  EXPECT_GT(hall.learned_lights->cost_rays, hall.camera.cost_rays);
+  EXPECT_GT(hall.GainOfLearnedLights(), 1);
+  EXPECT_THAT(FormatTechniqueMeasurement(hall), HasSubstr("learned lights are"));
+  EXPECT_TRUE(!LearnsLights(hall.Best()) || hall.GainOfLearnedLights() >= kCombinationGainMin);
+  // One lamp leaves no choice.
+  EXPECT_FALSE(Measure(Caustic(0.05f)).learned_lights.has_value());
 }
 
 TEST(TechniqueMeasurementTest, CameraPathsSufficeForOpenLight) {

@@ -177,5 +177,19 @@ TEST(VariantsTest, PlanSaysWhatGuidingNeeds) {
   }
 }
 
+TEST(VariantsTest, LearnedLightsHaveVariantsOfTheirOwn) {
+  const TestScene t = Base();
+  FrameSettings settings = SquareSettings(4, 1, 1);
+  settings.techniques = {Technique::kLearnedLights};
+  const RenderPlan plan = MakeRenderPlan(t.scene, settings);
+  EXPECT_TRUE(Has(plan.traits, Trait::kLearnedLights));
+  EXPECT_EQ(plan.variant_name.rfind("learned lights", 0), 0u) << plan.variant_name;
+  ASSERT_EQ(plan.notes.size(), 2u);
+  EXPECT_EQ(plan.notes[1].rfind("learned lights: ", 0), 0u) << plan.notes[1];
+  // Guided frames know lights in their own variants.
+  settings.techniques = settings.techniques.With(Technique::kGuiding);
+  EXPECT_FALSE(Has(MakeRenderPlan(t.scene, settings).traits, Trait::kLearnedLights));
+}
+
 }  // namespace
 }  // namespace sheaf::render

@@ -34,6 +34,21 @@ inline TestScene SlitRoom(Tint tint, float width) {
   return t;
 }
 
+// A hall of many small lamps, half of which are behind its middle wall.
+inline TestScene DividedHall(Tint tint) {
+  TestScene t({0, 1.2, -4.4}, {-0.6, 0.9, 0}, 60);
+  t.AddShape(MeshShape{t.Box({-6, 0, -5}, {6, 3, 5})}, t.Diffuse(tint({0.6f, 0.6f, 0.5f})));
+  t.AddShape(MeshShape{t.Box({0.4f, 0, -3}, {0.5f, 3, 5})}, t.Diffuse(tint({0.5f, 0.4f, 0.4f})));
+  const int32_t black = t.Diffuse({});
+  for (int i = 0; i < 80; ++i) {
+    const double x = -5.6 + 1.12 * (i % 10) + (i % 10 < 5 ? 0.1 : 0.5), z = -4.5 + 1.2 * (i / 10);
+    const int32_t light = t.AreaLight(tint({3, 2.5f, 2}));
+    t.AddShape(SphereShape{0.04f, -0.04f, 0.04f, 360}, black, TranslateMatrix({x, 2.8, z}))
+        .area_light = light;
+  }
+  return t;
+}
+
 // A ball of wax, and rough glass half in a body of colored water.
 inline TestScene Bodies(Tint tint) {
   InteriorScene t(OpenBox(tint));

@@ -15,6 +15,7 @@
 #include "worker/render/guiding/emission_statistics.h"
 #include "worker/render/guiding/guiding_statistics.h"
 #include "worker/render/guiding/learned_fields.h"
+#include "worker/render/guiding/light_tries.h"
 #include "worker/render/guiding/training_size.h"
 #include "worker/render/integrator/variants.h"
 #include "worker/render/scene/compiled_scene.h"
@@ -39,7 +40,7 @@ class ScaleSink : public GuidingSink {
     sum_.fetch_add(exponent, std::memory_order_relaxed);
     count_.fetch_add(1, std::memory_order_relaxed);
   }
-  void AddLight(const GuidingPoint&, uint32_t, bool) override {}
+  void AddLight(const TriedLight&) override {}
   void AddPath(int32_t, int32_t, double, uint64_t) override {}
   // 0 where there is no light.
   int Exponent() const {
@@ -57,7 +58,7 @@ class DirectionsSink : public GuidingSink {
  public:
   explicit DirectionsSink(GuidingStatistics* statistics) : statistics_(statistics) {}
   void AddDirection(const FoundLight& found) override { statistics_->Add(found); }
-  void AddLight(const GuidingPoint&, uint32_t, bool) override {}
+  void AddLight(const TriedLight&) override {}
   void AddPath(int32_t, int32_t, double, uint64_t) override {}
 
  private:
@@ -70,14 +71,26 @@ class LightsSink : public GuidingSink {
   LightsSink(const GuidingField& field, LightVisibilityStatistics* statistics)
       : field_(field), statistics_(statistics) {}
   void AddDirection(const FoundLight&) override {}
-  void AddLight(const GuidingPoint& from, uint32_t light, bool is_visible) override {
-    statistics_->Add(field_.RegionIndexAt(from), light, is_visible);
+  void AddLight(const TriedLight& tried) override {
+    statistics_->Add(field_.RegionIndexAt(tried.from), tried.light, tried.is_visible);
   }
   void AddPath(int32_t, int32_t, double, uint64_t) override {}
 
  private:
   const GuidingField& field_;
   LightVisibilityStatistics* const statistics_;
+};
+
+// Collects tries of lights.
+class TriesSink : public GuidingSink {
+ public:
+  explicit TriesSink(LightTries* tries) : tries_(tries) {}
+  void AddDirection(const FoundLight&) override {}
+  void AddLight(const TriedLight& tried) override { tries_->Add(tried); }
+  void AddPath(int32_t, int32_t, double, uint64_t) override {}
+
+ private:
+  LightTries* const tries_;
 };
 
 // Learns what paths contribute, by regions of the finished field and by pixels.
@@ -88,7 +101,7 @@ class ContributionsSink : public GuidingSink {
   void AddDirection(const FoundLight& found) override {
     statistics_->AddVertex(field_.RegionIndexAt(found.from), found.scattered, found.rays);
   }
-  void AddLight(const GuidingPoint&, uint32_t, bool) override {}
+  void AddLight(const TriedLight&) override {}
   void AddPath(int32_t x, int32_t y, double radiance, uint64_t rays) override {
     statistics_->AddPath(x, y, radiance, rays);
   }
@@ -106,7 +119,7 @@ class Training {
         paths_(SizesFor(scene, paths)),
         threads_(static_cast<int>(std::max(1u, threads))),
         stop_(std::move(stop)),
-        train_(IsGuided(scene.settings.techniques) ? FunctionFor(scene) : nullptr) {}
+        train_(LearnsFromCamera(scene.settings.techniques) ? FunctionFor(scene) : nullptr) {}
 
   absl::StatusOr<LearnedFields> Run() {
     const FrameSettings& settings = scene_.settings;
@@ -116,7 +129,11 @@ class Training {
       if (!LearnEmission(paths_.emission_first, &fields)) return Cancelled();
       emission_rays_ = counts_.rays;
     }
-    if (!IsGuided(settings.techniques)) return fields;
+    if (!LearnsFromCamera(settings.techniques)) return fields;
+    if (!IsGuided(settings.techniques)) {
+      if (!LearnLights(paths_.lights, &fields)) return Cancelled();
+      return fields;
+    }
     ScaleSink scale;
     if (!Trace(0, fields, std::min(kScalePaths, paths), &scale)) return Cancelled();
     const int unit_exponent = std::clamp(scale.Exponent() - kScaleBits, -kGuidingUnitExponentMax,
@@ -128,11 +145,10 @@ class Training {
       if (!Trace(i, fields, paths << i, &sink)) return Cancelled();
       fields.directions = Refine(fields.directions, statistics, static_cast<int>(i), &sums);
     }
-    LightVisibilityStatistics statistics(scene_.lights->choice(),
-                                         static_cast<uint32_t>(fields.directions.region_count()));
-    LightsSink sink(fields.directions, &statistics);
-    if (!Trace(kTrainingIterations, fields, paths << kLightsShift, &sink)) return Cancelled();
-    fields.lights = statistics.Freeze();
+    const bool has_lights = LearnsLights(settings.techniques)
+                                ? LearnLights(paths << kLightsShift, &fields)
+                                : LearnVisibility(paths << kLightsShift, &fields);
+    if (!has_lights) return Cancelled();
     if (SplitsPaths(settings.techniques) &&
         !LearnContributions(paths << kContributionsShift, unit_exponent, &fields)) {
       return Cancelled();
@@ -153,6 +169,7 @@ class Training {
     if (paths.first == 0) paths.first = scene.training_paths_first;
     if (paths.first == 0) paths.first = TrainingPathsFirst(settings.width_px, settings.height_px);
     if (paths.emission_first == 0) paths.emission_first = paths.first;
+    if (paths.lights == 0) paths.lights = paths.first << kLightsShift;
     return paths;
   }
   static TrainingFunction FunctionFor(const CompiledScene& scene) {
@@ -194,6 +211,39 @@ class Training {
     return true;
   }
 
+  static bool LearnsFromCamera(TechniqueSet techniques) {
+    return IsGuided(techniques) || LearnsLights(techniques);
+  }
+
+  // Which lights are hidden, by the finished regions. False where a stop was requested.
+  bool LearnVisibility(uint64_t paths, LearnedFields* fields) {
+    LightVisibilityStatistics statistics(scene_.lights->choice(),
+                                         static_cast<uint32_t>(fields->directions.region_count()));
+    LightsSink sink(fields->directions, &statistics);
+    if (!Trace(kTrainingIterations, *fields, paths, &sink)) return false;
+    fields->lights = statistics.Freeze();
+    return true;
+  }
+
+  // Cuts of the light tree; by the finished regions, or, without guiding, by new ones. False where
+  // a stop was requested.
+  bool LearnLights(uint64_t paths, LearnedFields* fields) {
+    LightTries tries(scene_.lights->choice());
+    TriesSink sink(&tries);
+    for (uint64_t first = 0; first < paths && tries.size() < kLightTriesMax;
+         first += kLightPathsAtOnce) {
+      const uint64_t count = std::min(kLightPathsAtOnce, paths - first);
+      if (!Trace(kTrainingIterations, *fields, count, &sink, first)) return false;
+    }
+    const double start_seconds = ThreadCpuSeconds();
+    if (!IsGuided(scene_.settings.techniques)) {
+      fields->directions = tries.MakeRegions(BoxOf(scene_));
+    }
+    fields->lights = tries.Learn(fields->directions);
+    cpu_seconds_ += ThreadCpuSeconds() - start_seconds;
+    return true;
+  }
+
   // False where a stop was requested.
   bool LearnContributions(uint64_t paths, int unit_exponent, LearnedFields* fields) {
     const FrameSettings& settings = scene_.settings;
@@ -208,12 +258,13 @@ class Training {
     return true;
   }
 
-  // False where a stop was requested.
-  bool Trace(uint32_t iteration, const LearnedFields& fields, uint64_t paths, GuidingSink* sink) {
+  // The paths from number `from` on. False where a stop was requested.
+  bool Trace(uint32_t iteration, const LearnedFields& fields, uint64_t paths, GuidingSink* sink,
+             uint64_t from = 0) {
     const FrameSettings& settings = scene_.settings;
     const TrainingPass pass{settings.seed, iteration, settings.width_px, settings.height_px};
     return TraceRanges(paths, [&](uint64_t first, uint64_t end, RayCounts* counts) {
-      train_(scene_, pass, fields, first, end, sink, counts);
+      train_(scene_, pass, fields, from + first, from + end, sink, counts);
     });
   }
 
@@ -254,8 +305,8 @@ uint32_t ThreadsOfMachine() { return std::max(1u, std::thread::hardware_concurre
 absl::Status CheckTrains(const CompiledScene& scene) {
   if (scene.guiding != nullptr) return absl::OkStatus();
   return absl::InvalidArgumentError(
-      "a training was requested of a frame that needs none; its techniques must have guiding or "
-      "emission-guiding");
+      "a training was requested of a frame that needs none; its techniques must have guiding, "
+      "emission-guiding or learned-lights");
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ namespace sheaf::render {
 
 // Learns the fields, as bytes. A pure function of the scene and its settings, to the bit, whatever
 // `threads`. Adds rays and CPU time (of all threads) to *stats; may be null. Errors: kCancelled
-// when stop was requested; kInvalidArgument where the frame is not guided.
+// when stop was requested; kInvalidArgument where the frame needs no training.
 absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t threads,
                                          std::stop_token stop, RenderStats* stats);
 
@@ -30,6 +30,8 @@ absl::StatusOr<std::string> TrainGuiding(const CompiledScene& scene, uint32_t th
 struct TrainingPaths {
   uint64_t first = 0;           // 0: as many as the scene says.
   uint64_t emission_first = 0;  // 0: as `first`; where emission is guided.
+  // 0: as `first`, times 2^kLightsShift; where lights are learned without guiding.
+  uint64_t lights = 0;
 };
 // Rays of a training, by what they learned.
 struct TrainingRays {

@@ -33,6 +33,7 @@ constexpr TechniqueRow kTechniques[] = {
     {Technique::kEmissionGuiding, "emission-guiding", {Technique::kLightPaths}},
     {Technique::kSharing, "sharing", {}, true},
     {Technique::kViews, "views", {Technique::kSharing}, true},
+    {Technique::kLearnedLights, "learned-lights", {}, true},
 };
 
 // The first thing that a technique of the set needs and lacks; both are words of names.

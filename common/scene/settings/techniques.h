@@ -43,6 +43,9 @@ enum class Technique : uint8_t {
   kSharing = 6,
   // Camera paths are shared by several views: points of the lens, and times of the shutter.
   kViews = 7,
+  // Light samples go by rows of a learned field: which lights are hidden from a region, and which
+  // bring more or less than estimates say. Guided frames learn less of them (docs/adr/0190).
+  kLearnedLights = 8,
 };
 
 // The techniques of a frame: paths from the camera and what is added to them.
@@ -148,9 +151,13 @@ constexpr bool GuidesEmission(TechniqueSet techniques) {
 constexpr bool SharesPaths(TechniqueSet techniques) { return techniques.Has(Technique::kSharing); }
 // Whether several views share a camera path.
 constexpr bool SharesViews(TechniqueSet techniques) { return techniques.Has(Technique::kViews); }
+// Whether regions learn which lights to sample, in cuts of the light tree.
+constexpr bool LearnsLights(TechniqueSet techniques) {
+  return techniques.Has(Technique::kLearnedLights);
+}
 // Whether fields are learned before the first sample.
 constexpr bool NeedsTraining(TechniqueSet techniques) {
-  return IsGuided(techniques) || GuidesEmission(techniques);
+  return IsGuided(techniques) || GuidesEmission(techniques) || LearnsLights(techniques);
 }
 
 // The names of all sets, in the order of their numbers.

@@ -86,13 +86,16 @@ TEST(TechniqueSetTest, ErrorsSayWhatToGive) {
 TEST(TechniqueSetTest, NamesTellWhatASetHas) {
   for (const TechniqueSet set : TechniqueSet::All()) {
     const std::string name = set.Name();
-    EXPECT_EQ(HasLightPaths(set), name.find("light") != std::string::npos) << name;
+    const std::string words = "+" + name + "+";
+    EXPECT_EQ(HasLightPaths(set), words.find("+light+") != std::string::npos) << name;
+    EXPECT_EQ(LearnsLights(set), words.find("+learned-lights+") != std::string::npos) << name;
     EXPECT_EQ(IsGuided(set), name.find("+guiding") != std::string::npos) << name;
     EXPECT_EQ(SplitsPaths(set), name.find("splitting") != std::string::npos) << name;
     EXPECT_EQ(GuidesEmission(set), name.find("+emission-guiding") != std::string::npos) << name;
     EXPECT_EQ(SharesPaths(set), name.find("sharing") != std::string::npos) << name;
     EXPECT_EQ(SharesViews(set), name.find("views") != std::string::npos) << name;
-    EXPECT_EQ(NeedsTraining(set), name.find("guiding") != std::string::npos) << name;
+    EXPECT_EQ(NeedsTraining(set), name.find("guiding") != std::string::npos || LearnsLights(set))
+        << name;
     EXPECT_NE(set.Has(Technique::kLightPathsAlone), name.starts_with("camera")) << name;
   }
 }

@@ -358,6 +358,11 @@ constexpr Change kChanges[] = {
      [](AblatedScene* without) {
        without->settings.techniques = without->settings.techniques.Without(Technique::kGuiding);
      }},
+    {Trait::kLearnedLights, "lights are chosen by estimates alone",
+     [](AblatedScene* without) {
+       without->settings.techniques =
+           without->settings.techniques.Without(Technique::kLearnedLights);
+     }},
     {Trait::kLightSplits, "each vertex takes one light sample",
      [](AblatedScene* without) { without->settings.light_samples = 0; }},
     {Trait::kPrincipled, "principled materials are diffuse, of their base color",

@@ -32,7 +32,8 @@ bool IsPromising(const TechniqueMeasurement& look, TechniqueEffort effort) {
                  : look.Gain(techniques) >= kTechniqueGainMin && look.LeastGain(techniques) > 1;
   };
   return promises(TechniqueSet::kCameraAndLight) || promises(TechniqueSet::kCameraGuided) ||
-         (look.merged && promises(TechniqueSet::kCameraAndLight.With(Technique::kMerging)));
+         (look.merged && promises(TechniqueSet::kCameraAndLight.With(Technique::kMerging))) ||
+         (look.learned_lights && promises(look.BestOfPlain().With(Technique::kLearnedLights)));
 }
 
 // The fraction of the frame's samples, rounded down to a power of two.
@@ -56,6 +57,10 @@ absl::Status Render(std::initializer_list<TechniqueSet> all, PilotRenderer* rend
 absl::Status RenderAdditions(const TechniqueMeasurement& found, PilotRenderer* renderer,
                              TechniquePilots* pilots) {
   const TechniqueSet plain = found.BestOfPlain();
+  if (renderer->ChoosesLights()) {
+    absl::Status status = Render({plain.With(Technique::kLearnedLights)}, renderer, pilots);
+    if (!status.ok()) return status;
+  }
   if (IsGuided(plain)) {
     absl::Status status = Render({plain.With(Technique::kSplitting)}, renderer, pilots);
     if (!status.ok()) return status;
@@ -79,6 +84,8 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, b
              renderer, &pilots);
   if (status.ok() && thorough) {
     status = Render({TechniqueSet::kCameraAndLightGuided}, renderer, &pilots);
+  } else if (status.ok() && renderer->ChoosesLights()) {
+    status = Render({TechniqueSet{Technique::kLearnedLights}}, renderer, &pilots);
   }
   if (!status.ok()) return status;
   const absl::StatusOr<bool> merges =
@@ -105,6 +112,7 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, b
 
 const TechniqueCost* TechniqueMeasurement::Find(TechniqueSet techniques) const {
   const auto of = [](const std::optional<TechniqueCost>& cost) { return cost ? &*cost : nullptr; };
+  if (LearnsLights(techniques)) return of(learned_lights);
   const bool merges = MergesLightPaths(techniques);
   if (GuidesEmission(techniques)) return of(merges ? emission_guided_merged : emission_guided);
   if (merges) return of(merged);
@@ -127,7 +135,15 @@ double TechniqueMeasurement::GainOfMerging() const {
   return RatioOf(BaseOfLight(), BaseOfLight().With(Technique::kMerging));
 }
 
+double TechniqueMeasurement::GainOfLearnedLights() const {
+  return RatioOf(BestOfPlain(), BestOfPlain().With(Technique::kLearnedLights));
+}
+
 double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
+  const TechniqueSet unlearned = techniques.Without(Technique::kLearnedLights);
+  if (unlearned != techniques && unlearned != BestOfPlain()) {
+    return Gain(unlearned) * GainOfLearnedLights();
+  }
   const TechniqueSet unsplit = techniques.Without(Technique::kSplitting);
   if (MergesLightPaths(techniques) || GuidesEmission(techniques)) {
     const double gain = RatioOf(TechniqueSet::kCamera, unsplit);
@@ -139,6 +155,10 @@ double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
 }
 
 double TechniqueMeasurement::LeastGain(TechniqueSet techniques) const {
+  const TechniqueSet unlearned = techniques.Without(Technique::kLearnedLights);
+  if (unlearned != techniques && unlearned != BestOfPlain()) {
+    return LeastGain(unlearned) * GainOfLearnedLights();
+  }
   const std::vector<double>& over = camera.pixel_errors;
   const TechniqueCost& cost = *Find(techniques);
   const std::vector<double>& under = cost.pixel_errors;
@@ -217,6 +237,12 @@ TechniqueSet TechniqueMeasurement::Best() const {
       RatioOf(unsplit, splitting) >= kCombinationGainMin) {
     best = best.With(Technique::kSplitting);
   }
+  const TechniqueSet learned = unsplit.With(Technique::kLearnedLights);
+  if (learned_lights && best.HasAll(unsplit) && learned_lights->ErrorTimesCost() > 0) {
+    const bool pays = best == TechniqueSet::kCamera ? Pays(learned)
+                                                    : GainOfLearnedLights() >= kCombinationGainMin;
+    if (pays) best = best.With(Technique::kLearnedLights);
+  }
   return best;
 }
 
@@ -281,6 +307,10 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
     const TechniqueSet all =
         m.BaseOfLight().With(Technique::kMerging).With(Technique::kEmissionGuiding);
     absl::StrAppendFormat(&text, "; %s %.2g", all.Name(), m.Gain(all));
+  }
+  if (m.learned_lights) {
+    absl::StrAppendFormat(&text, "; learned lights are %.2g times as efficient as estimated ones",
+                          m.GainOfLearnedLights());
   }
   if (best != TechniqueSet::kCamera) {
     absl::StrAppendFormat(&text, "; at least %.2g with 95 %% confidence",

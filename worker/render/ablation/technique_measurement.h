@@ -4,7 +4,8 @@
 // MeasureTechniques: whether light paths and guiding pay in a scene: renders a small image of the
 // frame by camera paths alone, with light paths, with guiding, and with both (and, where guiding
 // pays, with splitting; where light paths pay, with guided emission; where the camera sees rough
-// surfaces through smooth glass or in mirrors, with merging), and compares error times cost. The
+// surfaces through smooth glass or in mirrors, with merging; where there are several lights, with
+// learned lights), and compares error times cost. The
 // cost is counted in rays, not in time, so that the answer is the same on every machine; guiding
 // also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware Multiple Importance
 // Sampling for Bidirectional Rendering Algorithms".
@@ -43,7 +44,8 @@ inline constexpr double kMissingShareMin = 0.05;
 // Techniques must be this many times as efficient as camera paths alone to be chosen, and more
 // efficient with 95 % confidence: the measurement has noise, and frames with other techniques have
 // fewer compiled variants. Light paths and guiding together must be kCombinationGainMin times as
-// efficient as either; so must splitting, merging and guided emission, as without.
+// efficient as either; so must splitting, merging, guided emission and, beside other techniques,
+// learned lights, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 
 // Light that camera paths miss counts as in a frame of this many times the samples: nothing that is
@@ -90,6 +92,9 @@ struct TechniqueMeasurement {
   // BaseOfLight with guided emission, and with both: measured where light paths pay, or camera
   // paths miss much.
   std::optional<TechniqueCost> emission_guided, emission_guided_merged;
+  // BestOfPlain with learned lights: measured where there are lights to choose among; in the first
+  // look, camera paths with learned lights.
+  std::optional<TechniqueCost> learned_lights;
   // BestOfPlain where the last ones were chosen to be measured; else it follows from the costs.
   std::optional<TechniqueSet> plain;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
@@ -111,13 +116,14 @@ struct TechniqueMeasurement {
   // more than the gain without the pixel that speaks most for it, as one pixel with a rare bright
   // sample is no evidence. The gain where the errors of pixels are not known.
   double LeastGain(TechniqueSet techniques) const;
-  // How many times as efficient BaseOfLight is with guided emission, and with merging. Requires:
-  // that was measured.
+  // How many times as efficient BaseOfLight is with guided emission, and with merging; and
+  // BestOfPlain with learned lights. Requires: that was measured.
   double GainOfGuidedEmission() const;
   double GainOfMerging() const;
+  double GainOfLearnedLights() const;
   // Never kLight.
   TechniqueSet Best() const;
-  // The best without splitting, merging and guided emission.
+  // The best without splitting, merging, guided emission and learned lights.
   TechniqueSet BestOfPlain() const;
   // That, or kCameraAndLight where it has no light paths: what merging and guided emission are
   // measured with.

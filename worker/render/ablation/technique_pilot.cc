@@ -123,13 +123,18 @@ FrameSettings PilotSettings(const FrameSettings& frame, const PilotSize& size) {
   return pilot;
 }
 
+double RayCostOf(TechniqueSet techniques) {
+  if (IsGuided(techniques)) return kGuidedRayCost;
+  return LearnsLights(techniques) ? kLearnedLightsRayCost : 1;
+}
+
 absl::Status RenderCameraPaths(const CompiledScene& scene, Pilot* pilot) {
   RenderStats stats;
   const FrameSettings& settings = scene.settings;
   const absl::StatusOr<FilmTile> film =
       RenderTilePass(scene, settings.window, {0, settings.samples}, {}, &stats);
   if (!film.ok()) return film.status();
-  const double ray_cost = IsGuided(settings.techniques) ? kGuidedRayCost : 1;
+  const double ray_cost = RayCostOf(settings.techniques);
   pilot->cost_rays +=
       ray_cost * static_cast<double>(stats.rays) / static_cast<double>(stats.samples);
   pilot->means.resize(film->plane_size());
@@ -208,8 +213,10 @@ PilotSize PilotSizeOf(const FrameSettings& frame, uint64_t samples, double train
   const auto paths = [&](double fraction) {
     return std::min(static_cast<uint64_t>(static_cast<double>(samples) * fraction), of_frame);
   };
-  PilotSize size{
-      kPilotPx, kPilotPixelSamples, {paths(training_fraction), paths(kEmissionTrainingFraction)}};
+  PilotSize size{kPilotPx,
+                 kPilotPixelSamples,
+                 {paths(training_fraction), paths(kEmissionTrainingFraction),
+                  std::min(samples, of_frame << kLightsShift)}};
   uint64_t factor = samples / kPilotSamplesMin;
   for (; factor >= 4 && size.longer_side_px < kPilotPxMax; factor /= 4) size.longer_side_px *= 2;
   size.pixel_samples *= factor;
@@ -244,6 +251,10 @@ absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
   return pilot;
 }
 
+bool PilotRenderer::ChoosesLights() const {
+  return scene_->lights->choice().visibility_slot_count() > 0;
+}
+
 absl::StatusOr<bool> PilotRenderer::SeesThroughSpecular() {
   const TechniqueSet merging{Technique::kLightPaths, Technique::kMerging};
   if (absl::Status set = SetTechniques(merging, scene_.get()); !set.ok()) return set;
@@ -261,7 +272,10 @@ absl::Status PilotRenderer::Train(Pilot* pilot) {
   const auto cost = [&](uint64_t count, uint64_t paths_first) {
     return static_cast<double>(count) * of_frame / static_cast<double>(paths_first);
   };
-  pilot->cost_rays = (kGuidedRayCost * cost(rays.camera, training_.first) +
+  // Where lights are learned alone, fewer paths learn them.
+  const bool is_guided = IsGuided(settings().techniques);
+  const uint64_t first = is_guided ? training_.first : training_.lights >> kLightsShift;
+  pilot->cost_rays = (RayCostOf(settings().techniques) * cost(rays.camera, first) +
                       kLightRayCost * cost(rays.emission, training_.emission_first)) /
                      FrameSamples(frame_);
   return SetGuiding(*scene_, *fields);

@@ -23,8 +23,8 @@ namespace sheaf::render {
 // The cost of a ray, in rays of unguided paths from the camera: for light paths, with their
 // connections, splats and weights, and for guided paths, whose directions are mixtures. By CPU
 // times, which gave 1.0 to 2.2 for light paths in five scenes and 1.4 to 1.5 for guided ones in
-// two.
-inline constexpr double kLightRayCost = 1.5, kGuidedRayCost = 1.3;
+// two. For paths with learned lights, with their search for the region.
+inline constexpr double kLightRayCost = 1.5, kGuidedRayCost = 1.3, kLearnedLightsRayCost = 1.1;
 // Samples of the smallest and of the largest image.
 inline constexpr uint64_t kPilotSamplesMin = uint64_t{1} << 12;
 inline constexpr uint64_t kPilotSamplesMax = uint64_t{1} << 18;
@@ -74,6 +74,8 @@ class PilotRenderer {
   static absl::StatusOr<PilotRenderer> Make(SceneDescription scene, const FrameSettings& frame,
                                             const PilotSize& size, FileSource& files);
   const FrameSettings& settings() const { return SettingsOf(*scene_); }
+  // Whether the scene has lights to choose among.
+  bool ChoosesLights() const;
   // Errors: as SetTechniques and RenderTilePass.
   absl::StatusOr<Pilot> Render(TechniqueSet techniques);
   // Whether light paths can be merged with camera paths of the image: some see a rough surface

@@ -76,6 +76,7 @@ class GuidingRegion {
   friend class GuidingFieldReader;
   friend class GuidingRefinement;
   friend class GuidingStatistics;
+  friend class LightRegions;
 
   // A square of the map in four quads, numbered x + 2 y.
   struct Node {
@@ -126,6 +127,7 @@ class GuidingField {
   friend class GuidingFieldReader;
   friend class GuidingRefinement;
   friend class GuidingStatistics;
+  friend class LightRegions;
 
   // Halvings beyond the deepest region that positions are counted by (guiding_statistics.h).
   static constexpr int kHalvingsCounted = 6;

@@ -29,13 +29,22 @@ struct FoundLight {
   uint64_t rays = 0;  // That the path took after the direction, shadow rays too.
 };
 
+// A sample of the light was tried from there.
+struct TriedLight {
+  GuidingPoint from;
+  uint32_t light = 0;
+  bool is_visible = false;
+  // The light that the vertex scatters of it, over the density of the sample: the mean over the
+  // components of color. 0 where the light is hidden.
+  double contribution = 0;
+};
+
 // Functions may be called from many threads.
 class GuidingSink {
  public:
   virtual ~GuidingSink() = default;
   virtual void AddDirection(const FoundLight& found) = 0;
-  // A sample of the light was tried from there: it was visible, or hidden.
-  virtual void AddLight(const GuidingPoint& from, uint32_t light, bool is_visible) = 0;
+  virtual void AddLight(const TriedLight& tried) = 0;
   // A path from the pixel has ended. radiance: what it brought, as the mean over the components of
   // color; rays: all that it took.
   virtual void AddPath(int32_t x, int32_t y, double radiance, uint64_t rays) = 0;

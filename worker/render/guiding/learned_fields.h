@@ -17,7 +17,8 @@ namespace sheaf::render {
 
 struct LearnedFields {
   GuidingField directions;
-  LightVisibility lights;  // By the regions of `directions`.
+  // By the regions of `directions`; these have no directions where lights are learned alone.
+  LightVisibility lights;
   // By the same regions; empty where the frame's paths are not split.
   ContributionField contributions = {};
   // Empty where the frame's emission is not guided, and where no light path reached the picture.

@@ -20,7 +20,7 @@ namespace sheaf::render {
 template <typename C>
 class SplitPaths;
 
-// The knowledge that the paths of a guided frame use, and the records that they fill.
+// The knowledge that the paths of a frame with learned fields use, and the records that they fill.
 template <typename C>
 struct Guiding {
   const LearnedFields* fields = nullptr;
@@ -37,7 +37,7 @@ struct Context {
   RayCounts& counts;
   OutputSample* outputs;  // Null if the settings request none.
   LightGroups<typename C::Color>& groups;
-  [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding;
+  [[no_unique_address]] StateIf<C::kKnowsLights, Guiding<C>> guiding;
   // How light paths begin, and the densities of that.
   [[no_unique_address]] StateIf<C::kBothEnds, GuidedEmission> emission;
 };

@@ -34,12 +34,12 @@ void AddLightSample(const Context<C>& c, const Vertex& vertex,
     MediumState<C> media = path->media;
     if (!vertex.EnterSide(c, light->wi, *path, &media)) return;
     const Color transmittance = ShadowTransmittance(c, vertex.point, *light, u, *path, media);
-    NoteLight(c, {vertex.point.p, vertex.light_hint}, light->light, !transmittance.IsBlack());
-    if (transmittance.IsBlack()) return;
     f_cos = f_cos * transmittance;
+    NoteLight(c, {vertex.point.p, vertex.light_hint}, *light, !transmittance.IsBlack(), f_cos);
+    if (transmittance.IsBlack()) return;
   } else {
     const bool is_visible = IsVisible(c, vertex.point, *light, u, path->ray.time);
-    NoteLight(c, {vertex.point.p, vertex.light_hint}, light->light, is_visible);
+    NoteLight(c, {vertex.point.p, vertex.light_hint}, *light, is_visible, f_cos);
     if (!is_visible) return;
   }
   const float weight = vertex.LightSampleWeight(c, *light, value.pdf, *path);

@@ -63,7 +63,20 @@ class GuidedDirections {
   LightVisibilityRow lights_;
 };
 
-// In variants without guiding.
+// In variants that know lights alone.
+class KnownLights {
+ public:
+  KnownLights() = default;
+  explicit KnownLights(LightVisibilityRow lights) : lights_(lights) {}
+  static constexpr float ScatteringShare() { return 1; }
+  static float Pdf(float scattering, Vec3f) { return scattering; }
+  LightVisibilityRow lights() const { return lights_; }
+
+ private:
+  LightVisibilityRow lights_;
+};
+
+// In variants without guiding and learned lights.
 struct NoGuidedDirections {
   static constexpr float ScatteringShare() { return 1; }
   static float Pdf(float scattering, Vec3f) { return scattering; }
@@ -71,7 +84,9 @@ struct NoGuidedDirections {
 };
 
 template <typename C>
-using GuidedDirectionsOf = std::conditional_t<C::kGuided, GuidedDirections, NoGuidedDirections>;
+using GuidedDirectionsOf =
+    std::conditional_t<C::kGuided, GuidedDirections,
+                       std::conditional_t<C::kKnowsLights, KnownLights, NoGuidedDirections>>;
 
 // The directions and lights that the fields know there. may_guide: false where there is no choice
 // of directions.
@@ -87,23 +102,40 @@ GuidedDirectionsOf<C> GuidedDirectionsAt([[maybe_unused]] const Context<C>& c,
               c.guiding.fields->lights.RowOf(index),
               may_guide ? c.guiding.fields->contributions.RegionFactor(index) : 0};
     }
+  } else if constexpr (C::kKnowsLights) {
+    if (c.guiding.fields != nullptr) {
+      const LearnedFields& fields = *c.guiding.fields;
+      return KnownLights(fields.lights.RowOf(fields.directions.RegionIndexAt(at)));
+    }
   }
   return {};
 }
 
 // Remembers that a sample of the light was tried from there, if the path is one of a training.
+// f_cos: what the vertex scatters of its light.
 template <typename C>
-void NoteLight(const Context<C>& c, const GuidingPoint& from, uint32_t light, bool is_visible) {
-  if constexpr (C::kGuided) {
-    if (c.guiding.training != nullptr) c.guiding.training->NoteLight(from, light, is_visible);
+void NoteLight([[maybe_unused]] const Context<C>& c, [[maybe_unused]] const GuidingPoint& from,
+               [[maybe_unused]] const LightSampleOf<typename C::Color>& light,
+               [[maybe_unused]] bool is_visible, [[maybe_unused]] const typename C::Color& f_cos) {
+  if constexpr (C::kKnowsLights) {
+    if (c.guiding.training == nullptr) return;
+    const double contribution =
+        MeanRadiance(f_cos * light.radiance) / static_cast<double>(light.pdf);
+    c.guiding.training->NoteLight({from, light.light, is_visible, is_visible ? contribution : 0});
   }
 }
 
 // The lights that the fields know at the path's last vertex.
 template <typename C>
 LightVisibilityRow LightsFromLast(const PathState<C>& path) {
-  if constexpr (C::kGuided) return path.guided.lights;
+  if constexpr (C::kKnowsLights) return path.known.lights;
   return {};
+}
+// Lets the path remember the lights that are known where it is now.
+template <typename C>
+void RememberLights([[maybe_unused]] const GuidedDirectionsOf<C>& known,
+                    [[maybe_unused]] PathState<C>* path) {
+  if constexpr (C::kKnowsLights) path->known.lights = known.lights();
 }
 
 // Before the vertex scatters the path, in a direction whose density is that of scattering times

@@ -41,6 +41,8 @@ struct IntegratorConfig {
   static constexpr bool kOutputs = Has(Trait::kOutputs);
   // Camera paths sample directions from a learned field too: guided_directions.h.
   static constexpr bool kGuided = !kEyes && Has(Trait::kGuiding);
+  // Lights are chosen by what the region of a vertex has learned.
+  static constexpr bool kKnowsLights = !kEyes && KnowsLights(kTraits);
   // Vertices of camera paths on surfaces may take several light samples: light_splits.h. Light
   // paths count them in weights.
   static constexpr bool kSplitsLights = !kFromLight && !kEyes && Has(Trait::kLightSplits);

@@ -225,7 +225,7 @@ class LightPathIntegrator {
   // fields: null where nothing has been learned.
   void SetFields(const LearnedFields* fields) {
     emission_ = EmissionBy<C>(scene_, fields);
-    if constexpr (C::kGuided) guiding_.fields = fields;
+    if constexpr (C::kKnowsLights) guiding_.fields = fields;
   }
   // *path: new. Calls begun(context) where the path has left its light.
   template <typename Begun>
@@ -250,8 +250,8 @@ class LightPathIntegrator {
   Tracer& tracer_;
   RayCounts& counts_;
   LightGroups<typename C::Color> groups_;
-  // The camera's paths are guided by it, and weights depend on that.
-  [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
+  // The camera's paths go by it, and weights depend on that.
+  [[no_unique_address]] StateIf<C::kKnowsLights, Guiding<C>> guiding_;
   GuidedEmission emission_;
 };
 

@@ -170,7 +170,7 @@ bool MediumVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSample
   }
   d = Normalize(path->ray.d);
   phase = MakePhase(c, *path);
-  if constexpr (C::kGuided) {
+  if constexpr (C::kKnowsLights) {
     // Walks beneath a surface are short, and see no light that others do not.
     if (!path->media.properties.is_subsurface) guided = GuidedDirectionsAt(c, {point.p});
   }
@@ -218,7 +218,7 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->pdf = sample.pdf;
   path->from = point.p;
   path->from_n = {};
-  if constexpr (C::kGuided) path->guided.lights = guided.lights();
+  RememberLights(guided, path);
   if constexpr (C::kSplitsLights) path->splits = {};
   path->ray.o = point.p;
   path->ray.d = sample.w;

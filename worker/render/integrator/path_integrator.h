@@ -134,7 +134,7 @@ class PathIntegrator {
                  y, &path);
   }
   // Traces a path of a training: a pure function of the scene, the fields, the pass and the path's
-  // number. Gives what it found to the sink. Requires: C::kGuided.
+  // number. Gives what it found to the sink. Requires: C::kKnowsLights.
   void TraceForTraining(const TrainingPass& pass, uint64_t number, const LearnedFields& fields,
                         GuidingSink* sink);
   // Traces the camera path of the pixel and pass through specular vertices, and stores its first
@@ -151,8 +151,8 @@ class PathIntegrator {
   // fields: null where nothing has been learned.
   void SetFields(const LearnedFields* fields) {
     emission_ = EmissionBy<C>(scene_, fields);
+    if constexpr (C::kKnowsLights) guiding_.fields = fields;
     if constexpr (C::kGuided) {
-      guiding_.fields = fields;
       const bool splits = fields != nullptr && !fields->contributions.empty();
       guiding_.splits = splits ? &splits_ : nullptr;
     }
@@ -169,7 +169,7 @@ class PathIntegrator {
   RayCounts& counts_;
   OutputSample* outputs_ = nullptr;
   LightGroups<typename C::Color> groups_;
-  [[no_unique_address]] StateIf<C::kGuided, Guiding<C>> guiding_;
+  [[no_unique_address]] StateIf<C::kKnowsLights, Guiding<C>> guiding_;
   [[no_unique_address]] StateIf<C::kBothEnds, GuidedEmission> emission_;
   [[no_unique_address]] StateIf<C::kGuided, SplitPaths<C>> splits_;
 };
@@ -177,7 +177,7 @@ class PathIntegrator {
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
 void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceForTraining(
     const TrainingPass& pass, uint64_t number, const LearnedFields& fields, GuidingSink* sink) {
-  static_assert(C::kGuided);
+  static_assert(C::kKnowsLights);
   SetFields(&fields);
   TrainingRecords<C> records(guiding_.splits != nullptr);
   guiding_.training = &records;

@@ -120,11 +120,15 @@ struct LightEnd {
   KnownLine line;
 };
 
+// The state of paths in frames whose lights are learned.
+struct KnownLightsState {
+  LightVisibilityRow lights;  // The row of the region of `from`.
+};
+
 // The state of paths in guided frames.
 template <typename Color>
 struct GuidedState {
-  LightVisibilityRow lights;  // The visibility of lights at `from`.
-  Color throughput_before;    // Before the last vertex scattered the path.
+  Color throughput_before;  // Before the last vertex scattered the path.
   // The light that paths bring through the last vertex, as they carry it to the camera: what its
   // region scatters, over the same of the first vertex; 0: unknown.
   float expected_light = 0;
@@ -161,6 +165,7 @@ struct PathState {
   [[no_unique_address]] StateIf<C::kBothEnds,
                                 std::conditional_t<C::kFromLight, LightEnd, CameraEnd>>
       other_end;
+  [[no_unique_address]] StateIf<C::kKnowsLights, KnownLightsState> known;
   [[no_unique_address]] StateIf<C::kGuided, GuidedState<Color>> guided;
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   Vec3f camera_o;               // The origin of the camera ray.

@@ -50,7 +50,9 @@ struct SurfaceVertex {
     point.shading = {stored.t, Cross(stored.n, stored.t), stored.n};
     if constexpr (C::kPerturbedNormals) perturbed_normal = stored.perturbed_normal;
     light_hint = stored.ng * static_cast<float>(stored.light_side);
-    if constexpr (C::kGuided) guided = GuidedDirectionsAt(c, {p, light_hint}, /*may_guide=*/true);
+    if constexpr (C::kKnowsLights) {
+      guided = GuidedDirectionsAt(c, {p, light_hint}, /*may_guide=*/true);
+    }
   }
   // Stores the parts of the vertex that a gather point keeps.
   void Store(GatherPointOf<Color>* stored) const {
@@ -284,7 +286,7 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
   const Vec3f wo = -path->ray.d;
   wo_local = point.shading.ToLocal(wo);
   if (!Transmits<C::kTraits>(bsdf)) light_hint = Dot(wo, point.ng) < 0 ? -point.ng : point.ng;
-  if constexpr (C::kGuided) {
+  if constexpr (C::kKnowsLights) {
     guided = GuidedDirectionsAt(c, {point.p, light_hint}, /*may_guide=*/!bsdf.specular);
   }
   if constexpr (C::kSplitsLights) splits = LightSplitsAt(c, *path);
@@ -423,7 +425,7 @@ inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
   path->pdf = sample.pdf;
   path->from = point.p;
   path->from_n = light_hint;
-  if constexpr (C::kGuided) path->guided.lights = guided.lights();
+  RememberLights(guided, path);
   if constexpr (C::kSplitsLights) path->splits = splits;
   Leave(point, wi, &path->ray);
   path->ray.d = wi;

@@ -13,7 +13,7 @@ namespace sheaf::render {
 template <uint32_t kTraits, PathKind kPathKind>
 void TrainPaths(const CompiledScene& scene, const TrainingPass& pass, const LearnedFields& fields,
                 uint64_t first, uint64_t end, GuidingSink* sink, RayCounts* counts) {
-  if constexpr (Has(kTraits, Trait::kGuiding)) {
+  if constexpr (KnowsLights(kTraits)) {
     RayCounts local;
     local.majorant_factor = counts->majorant_factor;
     PathIntegrator<kTraits, const EmbreeScene, DirectLight::kByBoth, kPathKind> tracer(

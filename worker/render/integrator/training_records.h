@@ -64,9 +64,9 @@ class TrainingRecords {
     records_.push_back({direction, direction.radiance, direction.rays, waiting_, true});
   }
   // The path sampled the light from there, which was visible or hidden.
-  void NoteLight(const GuidingPoint& from, uint32_t light, bool is_visible) {
+  void NoteLight(const TriedLight& tried) {
     if (light_count_ == lights_.size()) return;
-    lights_[light_count_++] = {from, light, is_visible};
+    lights_[light_count_++] = tried;
   }
 
   // --- Of paths that are split.
@@ -123,9 +123,7 @@ class TrainingRecords {
                           static_cast<double>(direction.scattering_part), direction.is_specular,
                           record.rays_after - direction.rays});
     }
-    for (size_t i = 0; i < light_count_; ++i) {
-      sink->AddLight(lights_[i].from, lights_[i].light, lights_[i].is_visible);
-    }
+    for (size_t i = 0; i < light_count_; ++i) sink->AddLight(lights_[i]);
   }
 
  private:
@@ -135,11 +133,6 @@ class TrainingRecords {
     uint64_t rays_after = 0;  // The same of rays.
     size_t waiting = 0;       // Paths that waited when the direction was taken.
     bool is_open = false;     // More may be found.
-  };
-  struct TriedLight {
-    GuidingPoint from;
-    uint32_t light = 0;
-    bool is_visible = false;
   };
   std::vector<Record> records_;
   std::array<TriedLight, kTrainingVerticesMax> lights_;

@@ -163,8 +163,8 @@ double LightChoice::InfiniteProbability(Vec3f p, Vec3f n, Row row) const {
   if (!(local_irradiance > 0)) return 1;
   double infinite_irradiance = infinite_irradiance_;
   if constexpr (kHasFactors<Row>) {
-    infinite_irradiance *=
-        static_cast<double>(VisibilityFactor(row, tree_.visibility_slot_count()));
+    const size_t slot = row.links == nullptr ? tree_.visibility_slot_count() : kCutSlots;
+    infinite_irradiance *= static_cast<double>(VisibilityFactor(row, slot));
   }
   return std::clamp(infinite_irradiance / (infinite_irradiance + local_irradiance),
                     kGroupProbabilityMin, 1 - kGroupProbabilityMin);
@@ -178,6 +178,32 @@ std::optional<size_t> LightChoice::InfiniteRank(uint32_t light) const {
   const auto infinite = std::lower_bound(infinite_lights_.begin(), infinite_lights_.end(), light);
   if (infinite == infinite_lights_.end() || *infinite != light) return std::nullopt;
   return static_cast<size_t>(infinite - infinite_lights_.begin());
+}
+
+LightChoice::Estimate LightChoice::EstimateOf(uint32_t light, Vec3f p, Vec3f n) const {
+  if (!uses_tree_) {
+    double all = 0, of_light = 0;
+    for (size_t i = 0; i < count_; i += kLaneCount) {
+      const Lanes weights = blocks_[i / kLaneCount].WeightsAt(p, n);
+      all += static_cast<double>(Sum(weights));
+      if (light / kLaneCount == i / kLaneCount) {
+        of_light = static_cast<double>(weights[light % kLaneCount]);
+      }
+    }
+    return {all, all > 0 ? of_light / all : 0, static_cast<double>(Probability(light, p, n))};
+  }
+  const double local = tree_.empty() ? 0 : tree_.Irradiance(p, n),
+               all = local + infinite_irradiance_;
+  if (!(all > 0)) return {};
+  if (const std::optional<size_t> rank = InfiniteRank(light)) {
+    const double of_group = infinite_.Probability(*rank);
+    return {all, infinite_irradiance_ / all * of_group,
+            InfiniteProbability(p, n, NoLightVisibilityRow()) * of_group};
+  }
+  if (tree_.empty()) return {all, 0, 0};
+  const LightTree::Share of_tree = tree_.ShareOf(light, p, n);
+  const double of_group = 1 - InfiniteProbability(p, n, NoLightVisibilityRow());
+  return {all, local / all * of_tree.estimate, of_group * of_tree.probability};
 }
 
 size_t LightChoice::visibility_slot_count() const {

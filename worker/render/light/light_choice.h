@@ -81,6 +81,17 @@ class LightChoice {
   template <typename Row>
   float Probability(uint32_t light, Vec3f p, Vec3f n, SplitLightQuery<Row> query) const;
 
+  // The estimates of the choice, without what ignores them: of the irradiance at p by all lights,
+  // and the light's part of it, in 0 to 1. The probability is that of the light.
+  struct Estimate {
+    double all = 0, share = 0, probability = 0;
+  };
+  Estimate EstimateOf(uint32_t light, Vec3f p, Vec3f n) const;
+  // The tree that local lights are chosen by; null where there is none.
+  const LightTree* tree() const { return uses_tree_ && !tree_.empty() ? &tree_ : nullptr; }
+  // Whether the light is one of the infinite ones that are chosen together.
+  bool IsAmongInfinite(uint32_t light) const { return InfiniteRank(light).has_value(); }
+
   uint64_t memory_bytes() const;
 
   // The slots of a row: one for each light, in whole lanes; or those of the tree, then one for all

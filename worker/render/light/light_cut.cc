@@ -41,11 +41,11 @@ class LightTree::Splitter {
   template <typename Row>
   Cut Split(size_t parts_max, Row row) {
     Cut cut;
-    const Weights all = tree_.WeighNode(0, receiver_, row);
+    const Weights all = tree_.WeighNode(0, receiver_, row, 0);
     if (!(all.sum > 0)) return cut;
     estimate_of_all_ = all.sum;
     estimate_min_ = all.sum / static_cast<float>(parts_max * parts_max);
-    cut.parts_[0] = PartOf(all, 0, 0, kWidth);
+    cut.parts_[0] = PartOf(all, 0, 0, kWidth, 0);
     cut.size_ = 1;
     while (cut.size_ > 0 && cut.size_ < parts_max) {
       // Among equals, the first.
@@ -60,8 +60,9 @@ class LightTree::Splitter {
 
  private:
   // The children [first, end) of the node, whose children have the weights.
-  Cut::Part PartOf(const Weights& weights, uint32_t node, uint32_t first, uint32_t end) const {
-    Cut::Part part{{Lanes{}, Lanes{}, 0, 0}, node, first, end, 0};
+  Cut::Part PartOf(const Weights& weights, uint32_t node, uint32_t first, uint32_t end,
+                   uint32_t block) const {
+    Cut::Part part{{Lanes{}, Lanes{}, 0, 0}, node, first, end, block, 0};
     for (uint32_t i = first; i < end; ++i) {
       part.weights.of_child[i] = weights.of_child[i];
       part.weights.intensity[i] = weights.intensity[i];
@@ -126,8 +127,8 @@ class LightTree::Splitter {
       return;
     }
     const Cut::Part whole = *part;
-    *part = PartOf(whole.weights, whole.node, whole.first, middle);
-    cut->parts_[cut->size_++] = PartOf(whole.weights, whole.node, middle, whole.end);
+    *part = PartOf(whole.weights, whole.node, whole.first, middle, whole.block);
+    cut->parts_[cut->size_++] = PartOf(whole.weights, whole.node, middle, whole.end, whole.block);
   }
 
   // Replaces the part, which is one child, by the children of that.
@@ -135,9 +136,10 @@ class LightTree::Splitter {
   void Refine(uint32_t place, Cut::Part* part, Cut* cut, Row row) {
     const uint32_t child = tree_.nodes_[part->node].child[place];
     SHEAF_DCHECK((child & kLightBit) == 0);
-    const Weights weights = tree_.WeighNode(child, receiver_, row);
+    const uint32_t block = row.BlockBelow(part->block, place, child);
+    const Weights weights = tree_.WeighNode(child, receiver_, row, block);
     if (weights.sum > 0) {
-      *part = PartOf(weights, child, 0, kWidth);
+      *part = PartOf(weights, child, 0, kWidth, block);
     } else {
       *part = cut->parts_[--cut->size_];
     }
@@ -160,7 +162,7 @@ template <typename Row>
 ChosenLight LightTree::ChooseFrom(const Cut& cut, size_t part, Vec3f p, Vec3f n, double u,
                                   Row row) const {
   const Cut::Part& from = cut.parts_[part];
-  return Descend(Receiver(p, n), from.node, from.weights, u, row);
+  return Descend(Receiver(p, n), from.node, from.weights, u, row, from.block);
 }
 
 template <typename Row>
@@ -184,9 +186,12 @@ float LightTree::ProbabilityIn(const Cut& cut, uint32_t light, Vec3f p, Vec3f n,
   if (part == nullptr) return 0;
   const Receiver receiver(p, n);
   NodeProbability probability = NodeProbability().Among(part->weights).Of(path.slots[at] % kWidth);
+  uint32_t block = part->block;
   while (at > 0) {
-    const uint32_t slot = path.slots[--at];
-    probability = probability.Among(WeighNode(slot / kWidth, receiver, row)).Of(slot % kWidth);
+    const uint32_t above = path.slots[at], slot = path.slots[--at];
+    block = row.BlockBelow(block, above % kWidth, slot / kWidth);
+    const Weights weights = WeighNode(slot / kWidth, receiver, row, block);
+    probability = probability.Among(weights).Of(slot % kWidth);
   }
   return static_cast<float>(probability.Sum());
 }

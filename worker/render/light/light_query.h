@@ -28,7 +28,7 @@ struct SplitLightQuery {
   uint32_t samples_max = 1;
 };
 
-// row: of the region of the point; used only with Trait::kGuiding. samples_max: used only with
+// row: of the region of the point; used where KnowsLights. samples_max: used only with
 // Trait::kLightSplits; at most LightChoice::kPartsMax.
 struct LightQuery {
   LightQuery() = default;

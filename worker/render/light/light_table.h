@@ -160,7 +160,7 @@ class LightTable {
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
       const Preparation& preparation, const LightQuery& query = {}) const {
-    return SampleLights<kTraits & kLightTraits>(*impl_, p, n, u_select, u, wavelengths, preparation,
+    return SampleLights<LightTraitsOf(kTraits)>(*impl_, p, n, u_select, u, wavelengths, preparation,
                                                 QueryFor<kTraits>(query));
   }
   // Solid-angle pdf (times the choice probability) with which Sample, called at p with n, would
@@ -169,7 +169,7 @@ class LightTable {
   template <uint32_t kTraits>
   float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light,
                    const LightQuery& query = {}) const {
-    return PdfOfEmitter<kTraits & kLightTraits>(*impl_, emitter, p, n, wi, p_light,
+    return PdfOfEmitter<LightTraitsOf(kTraits)>(*impl_, emitter, p, n, wi, p_light,
                                                 QueryFor<kTraits>(query));
   }
   // Radiance of the emitter towards wo (unit, leaving the light) at its surface point with normal
@@ -244,7 +244,7 @@ class LightTable {
   std::optional<LightSampleOf<ColorOf<kTraits>>> SampleChosen(
       const ChosenLight& chosen, Vec3f p, Vec2f u,
       const WavelengthsOf<ColorOf<kTraits>>& wavelengths, LightVisibilityRow row = {}) const {
-    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, {}, u, wavelengths,
+    return SampleChosenLight<LightTraitsOf(kTraits)>(*impl_, chosen, p, {}, u, wavelengths,
                                                      QueryFor<kTraits>(row));
   }
   // The same as seen from a surface with normal n, for a light that choice().ChooseFrom chose from
@@ -254,7 +254,7 @@ class LightTable {
       const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
       const WavelengthsOf<ColorOf<kTraits>>& wavelengths, const LightQuery& query) const {
     static_assert(Has(kTraits, Trait::kLightSplits));
-    return SampleChosenLight<kTraits & kLightTraits>(*impl_, chosen, p, n, u, wavelengths,
+    return SampleChosenLight<LightTraitsOf(kTraits)>(*impl_, chosen, p, n, u, wavelengths,
                                                      QueryFor<kTraits>(query));
   }
   // The choice among the lights, whose slots a LightVisibility learns.
@@ -283,6 +283,11 @@ class LightTable {
       static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
       static_cast<uint32_t>(Trait::kTexturedEmission) | static_cast<uint32_t>(Trait::kSpectral) |
       static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits);
+  // Lights are chosen by the same rows with guiding and without.
+  static constexpr uint32_t LightTraitsOf(uint32_t traits) {
+    return (traits & kLightTraits) |
+           (KnowsLights(traits) ? static_cast<uint32_t>(Trait::kGuiding) : 0);
+  }
 
  private:
   LightTable();

@@ -122,15 +122,15 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
 
 template <typename Row>
 double LightTree::Irradiance(Vec3f p, Vec3f n, Row row) const {
-  return static_cast<double>(WeighNode(0, Receiver(p, n), row).sum) * irradiance_scale_;
+  return static_cast<double>(WeighNode(0, Receiver(p, n), row, 0).sum) * irradiance_scale_;
 }
 
 template <typename Row>
 std::optional<ChosenLight> LightTree::Choose(Vec3f p, Vec3f n, double u, Row row) const {
   const Receiver receiver(p, n);
-  const Weights weights = WeighNode(0, receiver, row);
+  const Weights weights = WeighNode(0, receiver, row, 0);
   if (!(weights.sum > 0)) return std::nullopt;
-  return Descend(receiver, 0, weights, u, row);
+  return Descend(receiver, 0, weights, u, row, 0);
 }
 
 template <typename Row>
@@ -139,13 +139,31 @@ float LightTree::Probability(uint32_t light, Vec3f p, Vec3f n, Row row) const {
   SlotPath path = PathTo(light);
   const Receiver receiver(p, n);
   NodeProbability probability;
+  uint32_t block = 0;
   while (path.count > 0) {
     const uint32_t slot = path.slots[--path.count];
-    const Weights weights = WeighNode(slot / kWidth, receiver, row);
+    const Weights weights = WeighNode(slot / kWidth, receiver, row, block);
     if (slot < kWidth && !(weights.sum > 0)) return 0;
     probability = probability.Among(weights).Of(slot % kWidth);
+    if (path.count > 0) {
+      block = row.BlockBelow(block, slot % kWidth, path.slots[path.count - 1] / kWidth);
+    }
   }
   return static_cast<float>(probability.Sum());
+}
+
+LightTree::Share LightTree::ShareOf(uint32_t light, Vec3f p, Vec3f n) const {
+  if (slot_of_light_[light] == kNoSlot) return {};
+  SlotPath path = PathTo(light);
+  const Receiver receiver(p, n);
+  NodeProbability probability;
+  while (path.count > 0) {
+    const uint32_t slot = path.slots[--path.count];
+    const Weights weights = WeighNode(slot / kWidth, receiver, NoLightVisibilityRow(), 0);
+    if (slot < kWidth && !(weights.sum > 0)) return {};
+    probability = probability.Among(weights).Of(slot % kWidth);
+  }
+  return {probability.by_weight / (1 - kIntensityProbability), probability.Sum()};
 }
 
 #define SHEAF_INSTANTIATE_FOR(row)                                                        \

@@ -15,7 +15,7 @@
 // however wrong the estimates are. Results are bit-identical where the unit of length or of light
 // changes by a power of two.
 //
-// Regions of space may have learned which children of the first nodes are hidden from them
+// Regions of space may have learned which children of some nodes are hidden from them
 // (LightVisibility): a walk that follows the estimates multiplies them by the learned factors.
 //
 // CutAt splits the tree at a point: it divides the lights into several parts, of which each is
@@ -48,7 +48,7 @@ class LightTree {
   static constexpr double kIntensityProbability = 0.1;
   // Nodes whose children have slots in a LightVisibilityRow: the brightest ones, from the root
   // down.
-  static constexpr size_t kVisibilityNodesMax = 16;
+  static constexpr size_t kVisibilityNodesMax = kFirstNodeBlocks;
   // Most parts of a cut.
   static constexpr size_t kPartsMax = 16;
   class Cut;
@@ -106,6 +106,36 @@ class LightTree {
       if (slot / kWidth < kVisibilityNodesMax) visit(size_t{slot});
     }
   }
+
+  // The place of a child among those of its node.
+  struct Place {
+    uint32_t node = 0;
+    uint32_t child = 0;  // Below kWidth.
+  };
+  // Calls visit(Place) for the light and each node above it, up to a child of the root, node 0.
+  template <typename Visit>
+  void VisitPlaces(uint32_t light, const Visit& visit) const {
+    for (uint32_t slot = slot_of_light_[light]; slot != kNoSlot;
+         slot = nodes_[slot / kWidth].parent) {
+      constexpr auto kPlaces = static_cast<uint32_t>(kWidth);
+      visit(Place{slot / kPlaces, slot % kPlaces});
+    }
+  }
+  size_t node_count() const { return nodes_.size(); }
+  // Whether there are lights at the place.
+  bool HasLights(Place at) const { return nodes_[at.node].intensity[at.child] > 0; }
+  // The node at the place; none where there is a single light or nothing.
+  std::optional<uint32_t> NodeAt(Place at) const {
+    const uint32_t child = nodes_[at.node].child[at.child];
+    if (!HasLights(at) || (child & kLightBit) != 0) return std::nullopt;
+    return child;
+  }
+  // The estimate of the light's irradiance at p over Irradiance, without the part of the choices
+  // that follows intensities; and the probability of Choose. 0 for excluded lights.
+  struct Share {
+    double estimate = 0, probability = 0;
+  };
+  Share ShareOf(uint32_t light, Vec3f p, Vec3f n) const;
 
   size_t size_bytes() const {
     return nodes_.size() * sizeof(Node) + slot_of_light_.size() * sizeof(uint32_t) +
@@ -166,11 +196,12 @@ class LightTree {
   class Splitter;
   SlotPath PathTo(uint32_t light) const;
   static Weights Weigh(const Node& node, const Receiver& receiver);
+  // block: the row's, for the node's children.
   template <typename Row>
-  Weights WeighNode(uint32_t index, const Receiver& receiver, Row row) const;
+  Weights WeighNode(uint32_t index, const Receiver& receiver, Row row, uint32_t block) const;
   template <typename Row>
-  ChosenLight Descend(const Receiver& receiver, uint32_t index, Weights weights, double u,
-                      Row row) const;
+  ChosenLight Descend(const Receiver& receiver, uint32_t index, Weights weights, double u, Row row,
+                      uint32_t block) const;
 
   // The root first, parents before children; the first kVisibilityNodesMax are those with slots.
   std::vector<Node> nodes_;
@@ -192,6 +223,7 @@ class LightTree::Cut {
     Weights weights;  // 0 for the node's other children.
     uint32_t node;
     uint32_t first, end;
+    uint32_t block;     // The row's, for the node's children.
     float uncertainty;  // Standard deviation of the part's estimate, in its unit.
   };
 

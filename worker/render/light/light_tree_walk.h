@@ -76,11 +76,12 @@ inline LightTree::SlotPath LightTree::PathTo(uint32_t light) const {
 // Only the estimates are learned: no child's becomes 0.
 template <typename Row>
 inline LightTree::Weights LightTree::WeighNode(uint32_t index, const Receiver& receiver,
-                                               [[maybe_unused]] Row row) const {
+                                               [[maybe_unused]] Row row,
+                                               [[maybe_unused]] uint32_t block) const {
   Weights weights = Weigh(nodes_[index], receiver);
   if constexpr (kHasFactors<Row>) {
-    if (index < kVisibilityNodesMax) {
-      weights.of_child *= VisibilityFactors(row, index * kWidth);
+    if (block < kVisibilityNodesMax) {
+      weights.of_child *= VisibilityFactors(row, block * kWidth);
       weights.sum = Sum(weights.of_child);
     }
   }
@@ -90,7 +91,7 @@ inline LightTree::Weights LightTree::WeighNode(uint32_t index, const Receiver& r
 // Walks from the node, whose children have the weights, to a light. Requires: weights.sum > 0.
 template <typename Row>
 inline ChosenLight LightTree::Descend(const Receiver& receiver, uint32_t index, Weights weights,
-                                      double u, Row row) const {
+                                      double u, Row row, uint32_t block) const {
   NodeProbability probability;
   double rest = u;  // Relative to the beginning of the node's interval.
   for (;;) {
@@ -115,7 +116,8 @@ inline ChosenLight LightTree::Descend(const Receiver& receiver, uint32_t index, 
     }
     index = child;
     nodes_[index].Prefetch();
-    weights = WeighNode(index, receiver, row);
+    block = row.BlockBelow(block, chosen, index);
+    weights = WeighNode(index, receiver, row, block);
   }
 }
 

@@ -3,7 +3,9 @@
 #include "worker/render/light/light_visibility.h"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
+#include <optional>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
@@ -15,6 +17,8 @@ namespace {
 // Begins every encoding; the digit is the version of the form. The counts of regions and of slots
 // follow, as four bytes each, the lowest first; then the steps.
 constexpr std::string_view kMagic = "SLV1";
+// The same for cuts: the count of regions follows, then the regions (light_visibility.h).
+constexpr std::string_view kMagicOfCuts = "SLC1";
 constexpr size_t kCountBytes = 4;
 static_assert(kMagic.size() + 2 * kCountBytes == kLightVisibilityHeaderBytes);
 // Where the tries and the visible ones of a slot are in its count.
@@ -48,7 +52,88 @@ absl::Status Unusable(const std::string& why) {
 
 }  // namespace
 
+std::string LightVisibility::EncodeCuts() const {
+  std::string bytes(kMagicOfCuts);
+  AppendCount(region_count_, &bytes);
+  for (size_t region = 0; region < region_count_; ++region) {
+    const uint8_t* const steps = steps_.data() + region * slot_count_;
+    const uint8_t* const links = links_.data() + region * kCutSlots;
+    std::array<uint8_t, kCutBlocks> above{};
+    size_t blocks = 1;
+    for (size_t slot = 0; slot < kCutSlots; ++slot) {
+      if (links[slot] == kNoBlock) continue;
+      above[links[slot]] = static_cast<uint8_t>(slot);
+      ++blocks;
+    }
+    bytes.push_back(static_cast<char>(blocks));
+    bytes.push_back(static_cast<char>(steps[kCutSlots]));
+    for (size_t block = 0; block < blocks; ++block) {
+      if (block > 0) bytes.push_back(static_cast<char>(above[block]));
+      bytes.append(steps + block * kLaneCount, steps + (block + 1) * kLaneCount);
+    }
+  }
+  return bytes;
+}
+
+absl::StatusOr<LightVisibility> LightVisibility::DecodeCuts(std::string_view bytes,
+                                                            const LightChoice& choice) {
+  const LightTree* const tree = choice.tree();
+  if (tree == nullptr) return Unusable("has cuts of a tree that the scene lacks");
+  bytes.remove_prefix(kMagicOfCuts.size());
+  if (bytes.size() < kCountBytes) return Unusable("ends too early");
+  const size_t region_count = CountAt(bytes, 0);
+  bytes.remove_prefix(kCountBytes);
+  if (region_count == 0 || region_count > kLightVisibilityRegionsMax) {
+    return Unusable(
+        absl::StrCat("has ", region_count, " regions, not 1 to ", kLightVisibilityRegionsMax));
+  }
+  const bool has_infinite = choice.HasVisibilitySlot(tree->visibility_slot_count());
+  LightVisibility cuts(static_cast<uint32_t>(region_count), kCutSlots + 1,
+                       std::vector<uint8_t>(region_count * (kCutSlots + 1), kVisibilityStepOfOne));
+  cuts.links_.assign(region_count * kCutSlots, kNoBlock);
+  for (size_t region = 0; region < region_count; ++region) {
+    uint8_t* const steps = cuts.steps_.data() + region * (kCutSlots + 1);
+    uint8_t* const links = cuts.links_.data() + region * kCutSlots;
+    if (bytes.size() < 2) return Unusable("ends too early");
+    const auto blocks = static_cast<uint8_t>(bytes[0]);
+    steps[kCutSlots] = static_cast<uint8_t>(bytes[1]);
+    bytes.remove_prefix(2);
+    if (blocks == 0 || blocks > kCutBlocks) return Unusable("has a cut of impossible size");
+    if (steps[kCutSlots] < (has_infinite ? kVisibilityStepMin : kVisibilityStepOfOne)) {
+      return Unusable("has an impossible factor of infinite lights");
+    }
+    if (bytes.size() < blocks * kLaneCount + blocks - 1) return Unusable("ends too early");
+    std::array<uint32_t, kCutBlocks> nodes{};
+    for (uint8_t block = 0; block < blocks; ++block) {
+      if (block > 0) {
+        const auto above = static_cast<uint8_t>(bytes[0]);
+        bytes.remove_prefix(1);
+        if (above >= block * kLaneCount || links[above] != kNoBlock) {
+          return Unusable("has a cut with an impossible link");
+        }
+        const std::optional<uint32_t> node =
+            tree->NodeAt({nodes[above / kLaneCount], above % static_cast<uint32_t>(kLaneCount)});
+        if (!node) return Unusable("has a cut below a single light");
+        nodes[block] = *node;
+        links[above] = block;
+      }
+      for (uint32_t i = 0; i < kLaneCount; ++i) {
+        const auto step = static_cast<uint8_t>(bytes[i]);
+        const bool is_used = tree->HasLights({nodes[block], i});
+        if (step < (is_used ? kVisibilityStepMin : kVisibilityStepOfOne)) {
+          return Unusable("has an impossible factor in a cut");
+        }
+        steps[block * kLaneCount + i] = step;
+      }
+      bytes.remove_prefix(kLaneCount);
+    }
+  }
+  if (!bytes.empty()) return Unusable("has bytes after its end");
+  return cuts;
+}
+
 std::string LightVisibility::Encode() const {
+  if (!links_.empty()) return EncodeCuts();
   std::string bytes(kMagic);
   bytes.reserve(kLightVisibilityHeaderBytes + steps_.size());
   AppendCount(region_count_, &bytes);
@@ -59,6 +144,7 @@ std::string LightVisibility::Encode() const {
 
 absl::StatusOr<LightVisibility> LightVisibility::Decode(std::string_view bytes,
                                                         const LightChoice& choice) {
+  if (bytes.starts_with(kMagicOfCuts)) return DecodeCuts(bytes, choice);
   if (bytes.size() < kLightVisibilityHeaderBytes || !bytes.starts_with(kMagic)) {
     return Unusable("does not begin as one");
   }

@@ -10,7 +10,10 @@
 // A region has one slot for each light, where a scene weighs each light (kLightsWeighedMax); else
 // one for each child of the first nodes of the light tree (LightTree::kVisibilityNodesMax), and one
 // for all infinite lights. So a region takes at most kLightVisibilitySlotsMax bytes, and eight
-// times that while it learns: 1 MiB and 8 MiB for kLightVisibilityRegionsMax regions.
+// times that while it learns: 1 MiB and 8 MiB for kLightVisibilityRegionsMax regions. Or each
+// region has a cut of the tree: slots for the children of at most kCutBlocks nodes, and one for all
+// infinite lights. A cut takes kCutSlots bytes more, for links between its nodes; LearnLightRows
+// makes it (worker/render/guiding/light_rows.h).
 //
 // All sums are integers: the same tries give the same factors, to the bit, in whatever order and on
 // however many threads they were counted.
@@ -47,10 +50,11 @@ class LightVisibility {
   // The row of a region; null where the region is not one of region_count().
   LightVisibilityRow RowOf(uint32_t region) const {
     if (region >= region_count_) return {};
-    return {steps_.data() + region * slot_count_};
+    return {steps_.data() + region * slot_count_,
+            links_.empty() ? nullptr : links_.data() + region * kCutSlots};
   }
   uint32_t region_count() const { return region_count_; }
-  uint64_t memory_bytes() const { return steps_.capacity(); }
+  uint64_t memory_bytes() const { return steps_.capacity() + links_.capacity(); }
 
   // The factors as bytes, the same for equal factors on every machine. At most
   // kLightVisibilityBytesMax.
@@ -60,19 +64,28 @@ class LightVisibility {
   static absl::StatusOr<LightVisibility> Decode(std::string_view bytes, const LightChoice& choice);
 
  private:
+  friend class LightRowsLearner;
   friend class LightVisibilityStatistics;
   LightVisibility(uint32_t region_count, size_t slot_count, std::vector<uint8_t> steps)
       : region_count_(region_count), slot_count_(slot_count), steps_(std::move(steps)) {}
 
+  std::string EncodeCuts() const;
+  static absl::StatusOr<LightVisibility> DecodeCuts(std::string_view bytes,
+                                                    const LightChoice& choice);
+
   uint32_t region_count_ = 0;
   size_t slot_count_ = 0;
   std::vector<uint8_t> steps_;  // [region][slot].
+  std::vector<uint8_t> links_;  // [region][kCutSlots] for cuts; else empty.
 };
 
 // The size of the largest encoding.
 inline constexpr size_t kLightVisibilityHeaderBytes = 12;
 inline constexpr size_t kLightVisibilityBytesMax =
     kLightVisibilityHeaderBytes + kLightVisibilityRegionsMax * kLightVisibilitySlotsMax;
+// A cut as bytes: the number of its blocks, the step of all infinite lights, and for each block its
+// steps and, but for the first, the slot that it is below.
+static_assert(2 + kCutBlocks * (kLaneCount + 1) <= kLightVisibilitySlotsMax);
 
 // Tries by region and slot. Add may be called from many threads; Freeze, when they are done.
 class LightVisibilityStatistics {

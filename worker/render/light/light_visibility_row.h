@@ -2,8 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // LightVisibilityRow: the factors that one region of space has learned (LightVisibility), as light
-// selection reads them. Each slot, a light or a child of a node of the light tree, has the fraction
-// of it that is visible from the region.
+// selection reads them. Each slot, a light or a child of a node of the light tree, has a factor:
+// how much of it is visible from the region, or how much comes from it against the estimate.
+//
+// Slots are in blocks of kLaneCount, each for as many lights or for the children of a node. Rows of
+// one form have a block for each of the first nodes of the tree, in their order. A cut has blocks
+// for nodes of the region's own choice, from the root down, with links from each to those below.
 #pragma once
 
 #include <cstddef>
@@ -24,23 +28,40 @@ inline constexpr uint8_t kVisibilityStepOfOne = kVisibilitySteps - 1;
 // its weight.
 inline constexpr uint8_t kVisibilityStepMin = kVisibilitySteps / 16 - 1;
 
+// Blocks of the first nodes, and of a cut with the step of all infinite lights behind them.
+inline constexpr uint32_t kFirstNodeBlocks = 16, kCutBlocks = 8;
+inline constexpr size_t kCutSlots = kCutBlocks * kLaneCount;
+// A link to no block: nothing is known of the node's children.
+inline constexpr uint8_t kNoBlock = 255;
+
 // steps: one for each slot of the LightChoice; null where nothing is known, which gives the same
-// bits as factors of 1, at no cost. Points into a LightVisibility.
+// bits as factors of 1, at no cost. links: null, or those of a cut, the block below each of
+// kCutSlots slots. Point into a LightVisibility.
 struct LightVisibilityRow {
   const uint8_t* steps = nullptr;
+  const uint8_t* links = nullptr;
+
+  // The block of the children of `node`, which is below the slot `place` of `block`; at least
+  // kFirstNodeBlocks where none is. The root's is 0.
+  uint32_t BlockBelow(uint32_t block, size_t place, uint32_t node) const {
+    if (links == nullptr) return node;
+    return block < kCutBlocks ? links[block * kLaneCount + place] : uint32_t{kNoBlock};
+  }
 };
-// Stands for it in code that is compiled without path guiding.
-struct NoLightVisibilityRow {};
+// Stands for it in code that is compiled without path guiding and learned lights.
+struct NoLightVisibilityRow {
+  static uint32_t BlockBelow(uint32_t, size_t, uint32_t) { return kNoBlock; }
+};
 template <typename Row>
 inline constexpr bool kHasFactors = std::is_same_v<Row, LightVisibilityRow>;
 
 template <uint32_t kTraits>
 using LightVisibilityRowOf =
-    std::conditional_t<Has(kTraits, Trait::kGuiding), LightVisibilityRow, NoLightVisibilityRow>;
+    std::conditional_t<KnowsLights(kTraits), LightVisibilityRow, NoLightVisibilityRow>;
 // The row, for code that is compiled for the traits.
 template <uint32_t kTraits>
 LightVisibilityRowOf<kTraits> RowFor([[maybe_unused]] LightVisibilityRow row) {
-  if constexpr (Has(kTraits, Trait::kGuiding)) {
+  if constexpr (KnowsLights(kTraits)) {
     return row;
   } else {
     return {};

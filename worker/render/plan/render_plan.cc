@@ -53,7 +53,7 @@ class PlanMaker {
       causes_[TraitIndex(Trait::kOutputs)] = {
           absl::StrCat("requested: ", FormatOutputs(settings.outputs)), 1};
     }
-    for (const Trait trait : {Trait::kGuiding, Trait::kLightSplits}) {
+    for (const auto trait : {Trait::kGuiding, Trait::kLightSplits, Trait::kLearnedLights}) {
       if (Has(TechniqueTraits(settings), trait)) causes_[TraitIndex(trait)] = {"requested", 1};
     }
     RenderPlan plan = Finish(settings);
@@ -322,14 +322,15 @@ class PlanMaker {
       plan->notes.emplace_back(
           MayHaveSpecularSurfaces(scene_)
               ? "biased: light paths are merged with camera paths behind specular surfaces, within "
-                "a "
-                "radius that shrinks; merge.bias estimates the bias, and errors include it"
+                "a radius that shrinks; merge.bias estimates the bias, and errors include it"
               : "merging: no surface of the scene is specular, so that no light path is merged");
     }
     if (GuidesEmission(techniques)) {
       plan->notes.emplace_back(
-          "emission guiding: light paths begin where a training, before the first sample, found "
-          "that light reaches the picture");
+          "emission guiding: light paths begin where light reaches the picture, by a training");
+    }
+    if (LearnsLights(techniques)) {
+      plan->notes.emplace_back("learned lights: regions sample those that a training saw there");
     }
     if (!IsGuided(techniques)) return;
     plan->notes.emplace_back(

@@ -40,9 +40,12 @@ struct RenderPlan {
 
 // The traits that the settings' techniques alone decide; and those of these settings.
 inline constexpr uint32_t kTechniqueTraits =
-    static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits);
+    TraitSet(Trait::kGuiding, Trait::kLightSplits, Trait::kLearnedLights);
 constexpr uint32_t TechniqueTraits(const FrameSettings& settings) {
+  // Guided frames know lights with the trait of guiding.
+  const bool learns_lights = LearnsLights(settings.techniques) && !IsGuided(settings.techniques);
   return (IsGuided(settings.techniques) ? static_cast<uint32_t>(Trait::kGuiding) : 0) |
+         (learns_lights ? static_cast<uint32_t>(Trait::kLearnedLights) : 0) |
          (settings.light_samples > 1 ? static_cast<uint32_t>(Trait::kLightSplits) : 0);
 }
 

@@ -47,6 +47,7 @@ inline constexpr TraitName kTraitNames[] = {
     {Trait::kLightSplits, "light splits"},
     {Trait::kPrincipled, "principled materials"},
     {Trait::kVertexNormals, "vertex normals", 1.07},
+    {Trait::kLearnedLights, "learned lights"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 

@@ -42,8 +42,9 @@ enum class Trait : uint32_t {
   kLightSplits = 1u << 28,          // Several light samples at a vertex.
   kPrincipled = 1u << 29,           // Principled materials.
   kVertexNormals = 1u << 30,        // Vertex normals tilted from the faces of their meshes.
+  kLearnedLights = 1u << 31,        // Lights chosen by what regions have learned, without guiding.
 };
-inline constexpr int kTraitCount = 31;
+inline constexpr int kTraitCount = 32;
 
 constexpr bool Has(uint32_t traits, Trait trait) {
   return (traits & static_cast<uint32_t>(trait)) != 0;
@@ -52,6 +53,11 @@ constexpr uint32_t TraitSet() { return 0; }
 template <typename... Rest>
 constexpr uint32_t TraitSet(Trait first, Rest... rest) {
   return static_cast<uint32_t>(first) | TraitSet(rest...);
+}
+
+// Whether the choice of lights goes by what regions of space have learned.
+constexpr bool KnowsLights(uint32_t traits) {
+  return (traits & TraitSet(Trait::kGuiding, Trait::kLearnedLights)) != 0;
 }
 
 // Traits for which a path tracks its media and interiors.

@@ -61,6 +61,10 @@ constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNo
 
 // The same with directions from a learned field.
 constexpr uint32_t Guided(uint32_t traits) { return traits | TraitSet(Trait::kGuiding); }
+// The same with lights that are chosen by what regions have learned.
+constexpr uint32_t LearnedLights(uint32_t traits) {
+  return traits | TraitSet(Trait::kLearnedLights);
+}
 // The same with several light samples at a vertex.
 constexpr uint32_t LightSplit(uint32_t traits) { return traits | TraitSet(Trait::kLightSplits); }
 
@@ -125,6 +129,12 @@ inline constexpr uint32_t kCloudTraits =
   X("guided common+environment+cut-outs",                                               \
     ::sheaf::render::Guided(::sheaf::render::CommonTraits(true, false, false, true)))
 
+#define SHEAF_LEARNED_LIGHTS_VARIANTS(X)                                                       \
+  X("learned lights common",                                                                   \
+    ::sheaf::render::LearnedLights(::sheaf::render::CommonTraits(false, false, false, false))) \
+  X("learned lights common+environment+cut-outs",                                              \
+    ::sheaf::render::LearnedLights(::sheaf::render::CommonTraits(true, false, false, true)))
+
 #define SHEAF_LIGHT_SPLIT_VARIANTS(X)                                                       \
   X("light splits common",                                                                  \
     ::sheaf::render::LightSplit(::sheaf::render::CommonTraits(false, false, false, false))) \
@@ -151,16 +161,19 @@ inline constexpr uint32_t kCloudTraits =
   X("spectral outdoor", ::sheaf::render::Spectrally(::sheaf::render::kOutdoorTraits)) \
   SHEAF_COMMON_VARIANTS(X, "spectral ", ::sheaf::render::Spectrally)                  \
   SHEAF_GUIDED_VARIANTS(X)                                                            \
+  SHEAF_LEARNED_LIGHTS_VARIANTS(X)                                                    \
   SHEAF_LIGHT_SPLIT_VARIANTS(X)                                                       \
   X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
   X("generic", ::sheaf::render::kAllTraits)
 
 // The variants of frames with light paths. Few: a path of either kind costs more than its traits.
-#define SHEAF_LIGHT_PATH_VARIANTS(X)                                                    \
-  X("common", ::sheaf::render::CommonTraits(false, false, false, false))                \
-  X("guided common",                                                                    \
-    ::sheaf::render::Guided(::sheaf::render::CommonTraits(false, false, false, false))) \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                            \
+#define SHEAF_LIGHT_PATH_VARIANTS(X)                                                           \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false))                       \
+  X("guided common",                                                                           \
+    ::sheaf::render::Guided(::sheaf::render::CommonTraits(false, false, false, false)))        \
+  X("learned lights common",                                                                   \
+    ::sheaf::render::LearnedLights(::sheaf::render::CommonTraits(false, false, false, false))) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                                   \
   X("generic", ::sheaf::render::kAllTraits)
 
 // The variants of frames whose paths count in several pixels, such as stereo frames.
