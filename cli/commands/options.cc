@@ -13,8 +13,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
-#include "absl/time/time.h"
-#include "cli/commands/error_option.h"
 #include "cli/commands/format_options.h"
 #include "cli/commands/stereo_option.h"
 #include "common/base/label.h"
@@ -28,7 +26,6 @@ namespace sheaf::cli {
 namespace {
 
 constexpr int kTileSizePxMax = 1024;
-constexpr double kStopNumberMax = 1e6;
 constexpr char kImageGroup[] = "Output images";
 
 // Parses "x0,y0,x1,y1", half-open.
@@ -49,13 +46,6 @@ PixelRect ParseCrop(const std::string& text) {
 void AddOutputs(const std::string& names, FilmOutputs* outputs) {
   const absl::Status status = AddAovs(names, outputs);
   if (!status.ok()) throw CLI::ValidationError("--aov", std::string(status.message()));
-}
-
-// Written so that NaN is refused too.
-std::string CheckPositive(const std::string& text) {
-  double value = 0;
-  if (absl::SimpleAtod(text, &value) && value > 0 && value <= kStopNumberMax) return "";
-  return absl::StrCat("\"", text, "\" is not a number above 0 and at most ", kStopNumberMax);
 }
 
 std::string CheckPowerOfTwo(const std::string& text) {

@@ -4,12 +4,23 @@
 
 #include <string>
 
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "cli/commands/error_option.h"
 #include "common/command_line/command_line.h"
 
 namespace sheaf::cli {
 namespace {
+
+constexpr double kStopNumberMax = 1e6;
+
+// Written so that NaN is refused too.
+std::string CheckPositive(const std::string& text) {
+  double value = 0;
+  if (absl::SimpleAtod(text, &value) && value > 0 && value <= kStopNumberMax) return "";
+  return absl::StrCat("\"", text, "\" is not a number above 0 and at most ", kStopNumberMax);
+}
 
 // Parses "90s", "10m", "1h30m".
 double ParseSeconds(const std::string& text) {
