@@ -65,6 +65,7 @@ class StandardStreamsTest(ClientCase):
             file.write(SCENE)
         cls.image = f.path("image.exr")
         f.sheaf("submit", cls.scene, "--samples", 4, "--wait", "-o", cls.image)
+        subprocess.run([program("volume_seeds"), f.path("seeds")], check=True)
 
     def expect_both(self, words):
         """To a full disk, and to a closed descriptor."""
@@ -100,6 +101,7 @@ class StandardStreamsTest(ClientCase):
             "gc": [["gc"], ["gc", "--json"]],
             "usage": [["usage"], ["usage", "--json"], ["usage", "--csv"]],
             "plan": [["plan", scene], ["plan", scene, "--json"]],
+            "pack": [["pack", self.farm.path("seeds/volume/0"), "-o", self.farm.path("pages")]],
             "compare": [["compare", image, image], ["compare", image, image, "--json"]],
             "completion": [["completion", "bash"]],
         }

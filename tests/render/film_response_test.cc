@@ -122,8 +122,7 @@ TEST(FilmResponseTest, LayersOfClampedSamplesAddUp) {
     }
   }
   EXPECT_THAT(FormatRenderPlan(MakeRenderPlan(scene, settings)),
-              HasSubstr("biased: samples are clamped to 2 (Film \"maxcomponentvalue\"); errors are "
-                        "those of the clamped image"));
+              HasSubstr("biased: samples are clamped to 2; errors are those of the clamped image"));
 }
 
 }  // namespace

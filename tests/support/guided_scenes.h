@@ -49,6 +49,25 @@ inline TestScene DividedHall(Tint tint) {
   return t;
 }
 
+// Five times five closed rooms with four lamps each, in the middle one of which the camera stands:
+// most lamps are behind walls, and those of the next rooms are hardly farther than its own.
+inline TestScene ClosedRooms(Tint tint) {
+  TestScene t({-0.8f, 1.5f, -0.8f}, {0.5f, 0.7f, 0.5f}, 60);
+  t.AddShape(MeshShape{t.Box({-5, 0, -5}, {5, 3, 5})}, t.Diffuse(tint({0.6f, 0.6f, 0.5f})));
+  const int32_t gray = t.Diffuse(tint({0.5f, 0.4f, 0.4f})), black = t.Diffuse({});
+  for (const float at : {-3.0f, -1.0f, 1.0f, 3.0f}) {
+    t.AddShape(MeshShape{t.Box({at - 0.02f, 0, -5}, {at + 0.02f, 3, 5})}, gray);
+    t.AddShape(MeshShape{t.Box({-5, 0, at - 0.02f}, {5, 3, at + 0.02f})}, gray);
+  }
+  for (int i = 0; i < 100; ++i) {
+    const double x = -4.5 + i % 10, z = -4.5 + i / 10;
+    const int32_t light = t.AreaLight(tint({30, 25, 20}));
+    t.AddShape(SphereShape{0.04f, -0.04f, 0.04f, 360}, black, TranslateMatrix({x, 2.8, z}))
+        .area_light = light;
+  }
+  return t;
+}
+
 // A ball of wax, and rough glass half in a body of colored water.
 inline TestScene Bodies(Tint tint) {
   InteriorScene t(OpenBox(tint));

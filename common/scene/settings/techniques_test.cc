@@ -54,7 +54,7 @@ TEST(TechniqueSetTest, EverySetRoundTripsByNameAndNumber) {
 TEST(TechniqueSetTest, NumbersOfNoSetAreNone) {
   const int bits_of_camera = TechniqueSet::kNumberOfBits;  // It has the number 0.
   for (const int64_t number : {int64_t{-1}, int64_t{7}, int64_t{15}, int64_t{bits_of_camera},
-                               int64_t{16 + 0b1010}, int64_t{16 + 0x100}, int64_t{1} << 40}) {
+                               int64_t{16 + 0b1010}, int64_t{16 + 0x8000}, int64_t{1} << 40}) {
     EXPECT_EQ(TechniqueSet::FromNumber(number), std::nullopt) << number;
   }
 }

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <span>
 
+#include "worker/render/guiding/guiding_statistics.h"
+
 namespace sheaf::render {
 namespace {
 
