@@ -56,25 +56,27 @@ std::string FormatSamples(const v1::Frame& frame) {
 }
 
 // The result of a rule that asks for a certified error. estimated: the bound by the estimate.
-std::string FormatCertified(const v1::Round& last, double target, const std::string& estimated) {
+std::string FormatCertified(const v1::Frame& frame, double target, const std::string& estimated) {
+  const v1::Round& last = *frame.rounds().rbegin();
   const double certified = last.certified_relative_mse();
   if (certified > 0 && certified <= target) {
     return absl::StrFormat(", certified to be at most %.2g (target: %.2g)", certified, target);
   }
   return absl::StrFormat(
       "; not certified to be at most %.2g: %s, and the certificate says %s; a "
-      "smaller --clamp, more pixels or more samples tighten it",
-      target, estimated, certified > 0 ? absl::StrFormat("%.2g", certified) : "nothing");
+      "smaller --clamp or more pixels tighten it%s",
+      target, estimated, certified > 0 ? absl::StrFormat("%.2g", certified) : "nothing",
+      frame.stop_reason() == v1::STOP_REASON_TARGET_ERROR ? ", more samples do not"
+                                                          : ", and so may more samples");
 }
 
 // Whether the requested target was reached.
 std::string FormatStop(const v1::Frame& frame) {
   const double target = frame.spec().stop().target_error();
   if (target <= 0 || frame.rounds().empty()) return "";
-  const v1::Round& last = *frame.rounds().rbegin();
-  const double upper = last.relative_mse_upper();
+  const double upper = frame.rounds().rbegin()->relative_mse_upper();
   std::string bound = absl::StrFormat("at most %.2g with 95 %% confidence", upper);
-  if (frame.spec().stop().certified()) return FormatCertified(last, target, bound);
+  if (frame.spec().stop().certified()) return FormatCertified(frame, target, bound);
   // Error bars do not include features that no sample has hit.
   constexpr double kHardlyAnyNoise = 0.01;
   if (upper <= kHardlyAnyNoise * target) {

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Whose job it is, and with which settings the shown frame is rendered; with a command that submits
+// The owner of the job, and the settings of the shown frame; with a command that submits
 // such a frame again.
 
 import type {Frame, Job} from './api';

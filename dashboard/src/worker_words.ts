@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What lists of workers say of one.
+// Words and numbers of a worker, for all lists of workers.
 
 import type {Worker} from './api';
 import * as format from './format';

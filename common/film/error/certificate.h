@@ -6,7 +6,7 @@
 //
 //     tiles' sums > CertificatePlanes > CertifiedError > UpperBoundOfMean
 //
-// What is bounded is the expected relMSE: the mean over pixels and R, G, B of
+// The bounded error is the expected relMSE: the mean over pixels and R, G, B of
 // variance / (truth^2 + (0.1 m)^2), where m is the image's true mean. Replicates are independent
 // and identically distributed (film_tile.h). With eight of them v = (their variance) / 16 has the
 // variance of the pixel's mean as its expectation. With the other eight, the product q of two means

@@ -4,7 +4,7 @@
 // LightTries: the light samples of a training, from which regions learn how to choose lights:
 // where lights are hidden, and where less or more comes from them than estimates say.
 //
-// What is learned is a function of the set of tries alone, in integers: neither their order nor the
+// The result is a function of the set of tries alone, in integers: neither their order nor the
 // number of threads matters. Scaling the scene's lengths or its light by a power of two changes no
 // bit: a try holds ratios of like quantities.
 #pragma once
