@@ -78,7 +78,8 @@ std::optional<size_t> FixedSize(const std::string& type) {
       {"float", 4},    {"double", 8},          {"int", 4},         {"v2f", 8},
       {"v2i", 8},      {"tiledesc", 9},        {"v3f", 12},        {"v3i", 12},
       {"rational", 8}, {"chromaticities", 32}, {"keycode", 28},    {"m33f", 36},
-      {"m44f", 64},    {"timecode", 8},        {"envmap", 1}};
+      {"m44f", 64},    {"timecode", 8},        {"envmap", 1},      {"m33d", 72},
+      {"m44d", 128},   {"v2d", 16},            {"v3d", 24},        {"deepImageState", 1}};
   for (const auto& [name, size] : kSizes) {
     if (name == type) return size;
   }
@@ -128,6 +129,32 @@ absl::Status CheckTexts(std::string_view value) {
   return absl::OkStatus();
 }
 
+// A picture of four bytes a pixel.
+absl::Status CheckPreview(std::string_view value) {
+  ByteReader reader(value);
+  const auto width = reader.Take<uint32_t>(), height = reader.Take<uint32_t>();
+  if (reader.failed() || (height > 0 && reader.size() / 4 / height != width) ||
+      reader.size() != size_t{4} * width * height) {
+    return Malformed("a preview has the wrong size");
+  }
+  return absl::OkStatus();
+}
+
+// Checks that a value of variable size ends where the attribute does, so that a reader that trusts
+// the value and one that trusts the size continue at the same byte.
+absl::Status CheckEnd(const std::string& name, const std::string& type, std::string_view value) {
+  if (type == "stringvector") return CheckTexts(value);
+  if (type == "preview") return CheckPreview(value);
+  if (type == "floatvector" && value.size() % sizeof(float) != 0) {
+    return Malformed(absl::StrCat("attribute \"", name, "\" has the wrong size for a ", type));
+  }
+  if (type == "chlist" && name != "channels") {
+    std::vector<ExrChannel> unused;
+    return ParseChannels(value, &unused);
+  }
+  return absl::OkStatus();
+}
+
 absl::Status ParseTileSize(std::string_view value, ExrHeader* header) {
   ByteReader reader(value);
   const auto width = reader.Take<uint32_t>(), height = reader.Take<uint32_t>();
@@ -146,9 +173,7 @@ absl::Status ParseAttribute(const std::string& name, const std::string& type,
   if (const std::optional<size_t> size = FixedSize(type); size && *size != value.size()) {
     return Malformed(absl::StrCat("attribute \"", name, "\" has the wrong size for a ", type));
   }
-  if (type == "stringvector") {
-    if (absl::Status status = CheckTexts(value); !status.ok()) return status;
-  }
+  if (absl::Status status = CheckEnd(name, type, value); !status.ok()) return status;
   if (type == "string") header->strings[name] = std::string(value);
   static constexpr std::string_view kNumbers[] = {"int", "float", "rational",
                                                   "v2i", "box2i", "m44f"};

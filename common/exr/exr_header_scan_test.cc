@@ -7,6 +7,7 @@
 #include <fstream>
 #include <initializer_list>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "gtest/gtest.h"
@@ -48,6 +49,39 @@ TEST(ExrHeaderTest, AttributesBeyondTheFileAreRefused) {
       EXPECT_EQ(std::string(status.message()).rfind(path, 0), 0u) << status;
       EXPECT_NE(std::string(status.message()).find(why), std::string::npos) << status;
     }
+  }
+}
+
+// OpenEXR reads values of these types without regard to the size that is stated, and would take
+// what follows for attributes that no one has checked.
+TEST(ExrHeaderTest, ValuesEndWhereTheirAttributesDo) {
+  using namespace std::string_literals;
+  const std::string channel = "A\0"s + BytesOf(2) + BytesOf(0) + BytesOf(1) + BytesOf(1);
+  const std::string preview = BytesOf(2) + BytesOf(1) + "8 bytes.";
+  const std::string huge_preview = BytesOf(1 << 16) + BytesOf(1 << 16) + "8 bytes.";
+  const std::string path = TemporaryPath("end.exr");
+  const std::string fine = "\"channels\" is missing", wrong = "wrong size";
+  for (const auto& [type, value, why] :
+       std::initializer_list<std::tuple<std::string, std::string, std::string>>{
+           {"chlist", channel + "\0"s, fine},
+           {"chlist", channel, "does not end"},
+           {"chlist", channel + "\0x"s, "extra bytes"},
+           {"preview", preview, fine},
+           {"preview", preview + "x", wrong},
+           {"preview", huge_preview, wrong},
+           {"preview", "4 by", wrong},
+           {"floatvector", "8 bytes.", fine},
+           {"floatvector", "7 bytes", wrong},
+           {"v2d", "8 bytes.", wrong},
+           {"v3d", "8 bytes.", wrong},
+           {"m33d", "8 bytes.", wrong},
+           {"m44d", "8 bytes.", wrong},
+           {"deepImageState", "8 bytes.", wrong}}) {
+    SCOPED_TRACE(type);
+    std::ofstream(path, std::ios::binary)
+        << ExrOfOneAttribute(0, type, static_cast<int32_t>(value.size()), value);
+    const absl::Status status = ReadExrHeader(path).status();
+    EXPECT_NE(std::string(status.message()).find(why), std::string::npos) << status;
   }
 }
 
