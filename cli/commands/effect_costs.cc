@@ -37,7 +37,7 @@ absl::StatusOr<std::vector<v1::EffectCost>> MeasureEffects(const JobArguments& a
   const int32_t number = numbers->front();
   const absl::StatusOr<FramePath> scene = ScenePath(arguments);
   if (!scene.ok()) return scene.status();
-  GltfInputs gltf(arguments.gltf);
+  GltfInputs gltf(arguments.gltf, arguments.size);
   const absl::StatusOr<SceneFile> file = ReadSceneFile(scene->Of(number), &gltf, number);
   if (!file.ok()) return file.status();
   const absl::StatusOr<FrameSettings> settings =

@@ -21,11 +21,13 @@
 #include "common/film/denoised_output.h"
 #include "common/film/exr/external_layer.h"
 #include "common/rpc/address.h"
+#include "common/scene/film_size.h"
 
 namespace sheaf::cli {
 namespace {
 
 constexpr int kTileSizePxMax = 1024;
+constexpr double kSizePercentMax = 10000;
 constexpr char kImageGroup[] = "Output images";
 
 // Parses "x0,y0,x1,y1", half-open.
@@ -97,16 +99,24 @@ std::string CheckOneLine(const std::string& text) {
   return text.find('\n') == std::string::npos ? "" : "the name has several lines; write one";
 }
 
-// Parses "640x480".
-void ParseSize(const std::string& text, GltfArguments* gltf) {
+// Parses "640x480" or "50%".
+FilmSize ParseSize(const std::string& text) {
+  FilmSize size;
+  double percent = 0;
+  if (absl::EndsWith(text, "%") && absl::SimpleAtod(text.substr(0, text.size() - 1), &percent) &&
+      percent > 0 && percent <= kSizePercentMax) {
+    size.fraction = percent / 100;
+    return size;
+  }
   const std::vector<std::string> items = absl::StrSplit(text, 'x');
   const auto parse = [](const std::string& item, int32_t* pixels) {
     return absl::SimpleAtoi(item, pixels) && *pixels > 0 && *pixels <= GltfView::kSizePxMax;
   };
-  if (items.size() == 2 && parse(items[0], &gltf->width_px) && parse(items[1], &gltf->height_px)) {
-    return;
+  if (items.size() == 2 && parse(items[0], &size.width_px) && parse(items[1], &size.height_px)) {
+    return size;
   }
-  throw CLI::ValidationError("--size", text + ": expected WIDTHxHEIGHT in pixels, as in 640x480");
+  throw CLI::ValidationError("--size", text + ": expected WIDTHxHEIGHT in pixels, as in 640x480, "
+                                             "or a part of the scene's size, as in 50%");
 }
 
 // Options that say what a glTF file leaves open.
@@ -137,9 +147,6 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
       ->check([](const std::string& name) {
         return name == GltfView::kNoEnvironment ? "" : IsFile()(name);
       });
-  command->add_option_function<std::string>(
-      "--size", [gltf](const std::string& text) { ParseSize(text, gltf); },
-      "Size of the image, WIDTHxHEIGHT (default: 720 high, as wide as the camera says)");
 }
 
 // --denoise-with.
@@ -293,6 +300,10 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   command->add_option_function<std::string>(
       "--crop", [&settings](const std::string& text) { settings.crop = ParseCrop(text); },
       "Render only the pixels X0,Y0,X1,Y1 (X1 and Y1 excluded)");
+  command->add_option_function<std::string>(
+      "--size", [arguments](const std::string& text) { arguments->size = ParseSize(text); },
+      "Size of the image, WIDTHxHEIGHT in pixels, or a part of the scene's, as in 50% (default: "
+      "the scene's; for glTF 720 high, as wide as the camera says)");
   AddGltfOptions(command, &arguments->gltf);
   AddOutputOptions(command, &settings);
   AddTransportOptions(command, &settings);

@@ -55,14 +55,14 @@ void MoveToSrgb(const std::string& path, FloatImage* image) {
 
 }  // namespace
 
-GltfView ViewOf(const GltfArguments& arguments, int32_t frame_number) {
+GltfView ViewOf(const GltfArguments& arguments, const FilmSize& size, int32_t frame_number) {
   GltfView view;
   view.camera = arguments.camera;
   view.animation = arguments.animation;
   view.time_s = (frame_number - 1) / arguments.fps;
   view.shutter_s = arguments.shutter / arguments.fps;
-  view.width_px = arguments.width_px;
-  view.height_px = arguments.height_px;
+  view.width_px = size.width_px;
+  view.height_px = size.height_px;
   return view;
 }
 
@@ -99,10 +99,10 @@ absl::Status GltfInputs::Add(const std::string& main_file, int32_t frame_number,
     if (arguments_.AreDefault()) return absl::OkStatus();
     return absl::InvalidArgumentError(
         absl::StrCat(main_file,
-                     ": --camera, --animation, --environment, --fps, --shutter and "
-                     "--size are for glTF scenes; this one contains all of it"));
+                     ": --camera, --animation, --environment, --fps and --shutter are for "
+                     "glTF scenes; this one contains all of it"));
   }
-  GltfView view = ViewOf(arguments_, frame_number);
+  GltfView view = ViewOf(arguments_, size_, frame_number);
   if (arguments_.environment == GltfView::kNoEnvironment) {
     view.environment = arguments_.environment;
   } else if (!arguments_.environment.empty()) {

@@ -14,6 +14,7 @@
 #include "common/base/mutex.h"
 #include "common/scene/derived_files.h"
 #include "common/scene/file_source.h"
+#include "common/scene/film_size.h"
 #include "common/scene/gltf/gltf_view.h"
 
 namespace sheaf::cli {
@@ -26,14 +27,14 @@ struct GltfArguments {
   std::string environment;
   double fps = 24;                      // Frame N is at (N - 1) / fps seconds.
   double shutter = 0.5;                 // How long it is open, in frames.
-  int32_t width_px = 0, height_px = 0;  // 0: by the camera.
 
   static constexpr double kFpsMax = 10000;
   bool AreDefault() const { return *this == GltfArguments(); }
   friend bool operator==(const GltfArguments&, const GltfArguments&) = default;
 };
 
-GltfView ViewOf(const GltfArguments& arguments, int32_t frame_number);
+// size: by the camera if it is not in pixels.
+GltfView ViewOf(const GltfArguments& arguments, const FilmSize& size, int32_t frame_number);
 
 // The bytes of a PFM image that is the equal-area map (common of pbrt-v4) of an equirectangular one
 // whose center is the direction +x, its right +z and its top +y, as in three.js and Blender's glTF
@@ -43,9 +44,10 @@ absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path);
 // Thread safety: members may be called concurrently.
 class GltfInputs {
  public:
-  explicit GltfInputs(GltfArguments arguments)
-      : arguments_(std::move(arguments)), derived_(std::make_shared<DerivedFiles>()) {}
+  GltfInputs(GltfArguments arguments, const FilmSize& size)
+      : arguments_(std::move(arguments)), size_(size), derived_(std::make_shared<DerivedFiles>()) {}
 
+  const FilmSize& size() const { return size_; }
   // The folder of the files; removed with the last owner.
   const std::shared_ptr<DerivedFiles>& derived() const { return derived_; }
   // Adds view and environment to the files of a glTF scene; a no-op for other scenes.
@@ -54,6 +56,7 @@ class GltfInputs {
 
  private:
   const GltfArguments arguments_;
+  const FilmSize size_;
   const std::shared_ptr<DerivedFiles> derived_;
   Mutex mutex_;
   std::optional<absl::StatusOr<std::string>> environment_ ABSL_GUARDED_BY(mutex_);

@@ -36,21 +36,21 @@ std::string Panorama() {
 TEST(GltfInputsTest, FramesAreTimes) {
   GltfArguments arguments;
   arguments.fps = 10;
-  EXPECT_EQ(ViewOf(arguments, 1).time_s, 0);
-  EXPECT_EQ(ViewOf(arguments, 6).time_s, 0.5);
-  EXPECT_EQ(ViewOf(arguments, 6).shutter_s, 0.05);
+  EXPECT_EQ(ViewOf(arguments, {}, 1).time_s, 0);
+  EXPECT_EQ(ViewOf(arguments, {}, 6).time_s, 0.5);
+  EXPECT_EQ(ViewOf(arguments, {}, 6).shutter_s, 0.05);
 }
 
 TEST(GltfInputsTest, AddsViewAndEnvironment) {
   GltfArguments arguments;
   arguments.environment = Panorama();
-  GltfInputs inputs(arguments);
+  GltfInputs inputs(arguments, {});
   DirectoryFileSource files(::testing::TempDir(), inputs.derived());
   ASSERT_TRUE(inputs.Add("a.glb", 3, &files).ok());
   const auto view = DecodeGltfView(*ReadWholeFile(*files.LocalPath("a.glb.view")));
   ASSERT_TRUE(view.ok()) << view.status();
   EXPECT_EQ(*view, [&] {
-    GltfView expected = ViewOf(arguments, 3);
+    GltfView expected = ViewOf(arguments, {}, 3);
     expected.environment = "a.glb.environment.pfm";
     return expected;
   }());
@@ -89,7 +89,7 @@ TEST(GltfInputsTest, EnvironmentsAreInThePrimariesOfTheirHeader) {
 TEST(GltfInputsTest, LeavesOtherScenesAlone) {
   GltfArguments arguments;
   arguments.camera = "Main";
-  GltfInputs none({}), some(arguments);
+  GltfInputs none({}, {}), some(arguments, {});
   DirectoryFileSource files(::testing::TempDir(), none.derived());
   EXPECT_TRUE(none.Add("a.pbrt", 1, &files).ok());
   EXPECT_TRUE(files.FilesUsed().empty());

@@ -11,6 +11,7 @@
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
 #include "common/scene/black_image.h"
+#include "common/scene/film_size.h"
 #include "common/scene/reader/scene_file_reader.h"
 #include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/scene/memory_estimate.h"
@@ -35,6 +36,7 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
   }
   absl::StatusOr<ReadSceneResult> read = ReadSceneByName(main_file, *files, limits);
   if (!read.ok()) return ChangeOr(read.status(), *files);
+  ResizeFilm(gltf->size(), &read->scene);
   if (std::string black =
           WhyBlack(read->scene, IsGltfName(main_file) ? SceneFormat::kGltf : SceneFormat::kPbrt);
       !black.empty()) {
@@ -44,7 +46,7 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
 }
 
 ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
-  GltfInputs gltf(arguments.gltf);
+  GltfInputs gltf(arguments.gltf, arguments.size);
   absl::StatusOr<SceneFile> file = ReadSceneFile(arguments.scene, &gltf);
   if (!file.ok()) return ReportSceneError(file.status());
   for (const SceneDiagnostic& diagnostic : file->read.diagnostics) {

@@ -23,8 +23,9 @@ struct SceneFile {
   std::unique_ptr<OpenedFiles> files;
   ReadSceneResult read;
 };
-// Also warns if the scene's image is necessarily black. gltf outlives the call; its derived files
-// are kept by the result. Errors: those of ReadSceneByName and GltfInputs::Add.
+// With the film of gltf->size(). Also warns if the scene's image is necessarily black. gltf
+// outlives the call; its derived files are kept by the result. Errors: those of ReadSceneByName and
+// GltfInputs::Add.
 absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* gltf,
                                         int32_t frame_number = 1);
 

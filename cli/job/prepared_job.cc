@@ -283,7 +283,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   DigestMemory memory(DigestMemory::DefaultPath());
   FileDigests digests(&memory);
   InputChecks checks;
-  GltfInputs gltf(arguments.gltf);
+  GltfInputs gltf(arguments.gltf, arguments.size);
   RenderSettings settings = arguments.settings;
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
   std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());

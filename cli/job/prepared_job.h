@@ -21,6 +21,7 @@
 #include "cli/job/format/image_format.h"
 #include "cli/job/frames/frame_range.h"
 #include "common/content/file_state.h"
+#include "common/scene/film_size.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job/job.h"
 
@@ -55,6 +56,7 @@ struct JobArguments {
   std::string pool;  // The same.
   std::vector<std::string> required_tags;
   uint64_t memory_min_bytes = 0;
+  FilmSize size;
   GltfArguments gltf;
   RenderSettings settings;
   // Without --techniques, frames with light paths would be refused: nothing is measured.

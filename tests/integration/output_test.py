@@ -94,6 +94,24 @@ class OutputTest(ClientCase):
                 self.assertEqual(process.returncode, INTERRUPTED, text)
                 self.assertEqual(text, "sheaf: interrupted\n")
 
+    def test_a_size_is_as_if_the_scene_stated_it(self):
+        """In one process and on a farm, in pixels and as a part, also of another aspect."""
+        stated = '"integer xresolution" 48 "integer yresolution" 32'
+        scene, output = self.write("size.pbrt", SCENE), self.farm.path("size.exr")
+        for size, width, height in (("50%", 24, 16), ("24x16", 24, 16), ("20x50", 20, 50)):
+            small = self.write("small.pbrt", SCENE.replace(
+                stated, f'"integer xresolution" {width} "integer yresolution" {height}'))
+            expected = self.farm.path("small.exr")
+            farm.render(small, expected, "--samples", 4)
+            farm.render(scene, output, "--size", size, "--samples", 4)
+            self.assertEqual(farm.image_digest(output), farm.image_digest(expected), size)
+            self.expect(self.farm.sheaf("submit", scene, "--size", size, "--samples", 4, "--wait",
+                                        "-o", output), OK)
+            self.assertEqual(farm.image_digest(output), farm.image_digest(expected), size)
+        for size in ("0%", "-5%", "%", "50", "1e9%", "50x", "nan%"):
+            done = self.expect(run("render", scene, "-o", output, f"--size={size}"), USAGE)
+            self.assertIn("as in 50%", done.stderr)
+
     def test_outputs_never_replace_inputs(self):
         """Regression: `-o` replaced the scene and exited with 0."""
         texture = self.farm.path("wood.png")

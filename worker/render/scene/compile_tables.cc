@@ -11,6 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/log.h"
+#include "common/scene/film_size.h"
 #include "worker/render/gather/merging.h"
 #include "worker/render/plan/specular_surfaces.h"
 #include "worker/render/scene/scene_baker.h"
@@ -131,6 +132,8 @@ absl::StatusOr<std::unique_ptr<CompiledScene>> CompileTables(SceneDescription de
   scene->settings = settings;
   scene->plan = std::move(input.plan);
   scene->settings.max_depth = scene->plan.max_depth;
+  ResizeFilm(settings.IsStereo() ? settings.width_px / 2 : settings.width_px, settings.height_px,
+             &description);
   RemoveTwinEmitters(&description);
   absl::StatusOr<EmissionMaps> maps = ReadEmissionMaps(description, files);
   if (!maps.ok()) return maps.status();
