@@ -75,6 +75,31 @@ double FractionDone(const v1::Progress& progress) {
 
 namespace {
 
+// The size in bytes of the longest beginning of the text that has at most this many columns.
+// Only the plus-minus sign is not ASCII.
+size_t BytesOf(const std::string& text, size_t columns) {
+  size_t bytes = 0;
+  for (size_t column = 0; column < columns && bytes < text.size(); ++column) {
+    do {
+      ++bytes;
+    } while (bytes < text.size() && (static_cast<unsigned char>(text[bytes]) & 0xc0) == 0x80);
+  }
+  return bytes;
+}
+
+// The line, cut before the field that has no room; a line of one field is cut anywhere.
+std::string WholeFields(const std::string& line, size_t columns) {
+  const size_t size = BytesOf(line, columns);
+  if (size == line.size()) return line;
+  size_t end = size;
+  int depth = 0;
+  for (size_t i = 0; i <= size; ++i) {
+    depth += line[i] == '(' ? 1 : line[i] == ')' ? -1 : 0;
+    if (depth == 0 && (line[i] == ',' || line[i] == ';')) end = i;
+  }
+  return line.substr(0, end);
+}
+
 std::string FormatTimeLeft(const v1::Progress& progress) {
   const double left = Seconds(progress.remaining_duration());
   std::string text = absl::StrCat(FormatDuration(left), " left");
@@ -96,7 +121,10 @@ std::string FormatProgress(const v1::Job& job) {
   const v1::Progress& progress = job.progress();
   std::string text = absl::StrFormat("%.1f %%", 100 * FractionDone(progress));
   if (progress.relative_mse() > 0) {
-    absl::StrAppend(&text, ", error ", FormatPixelError(progress.relative_mse()));
+    // Pixels without samples have no error yet.
+    absl::StrAppend(
+        &text, ", error ", FormatPixelError(progress.relative_mse()),
+        progress.sample_count_done() < progress.sample_count_total() ? " of the tiles so far" : "");
   }
   const double wall_seconds = Seconds(progress.wall_duration());
   // Samples from a resumed image were rendered earlier.
@@ -160,7 +188,7 @@ void ProgressLine::Show(const std::string& label, double fraction, const std::st
   }
   absl::StrAppend(&line, " ", text);
   // One column stays free: some terminals wrap after the last column is written.
-  line.resize(std::min(line.size(), static_cast<size_t>(width_columns_ - 1)));
+  line = WholeFields(line, static_cast<size_t>(width_columns_ - 1));
   drawn_ = true;
   write_(absl::StrCat("\r", line, "\x1b[K"));
 }

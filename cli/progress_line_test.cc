@@ -37,8 +37,16 @@ TEST(ProgressLineTest, OmitsUnknownValues) {
   job.set_waiting_reason("no worker");
   job.mutable_progress()->set_nonfinite_count(3);
   EXPECT_EQ(FormatProgress(job),
-            "50.0 %, error ±11 %, 250 samples/s, 0:42 left; waiting: no worker; "
-            "3 samples are not finite");
+            "50.0 %, error ±11 % of the tiles so far, 250 samples/s, 0:42 left; waiting: no "
+            "worker; 3 samples are not finite");
+}
+
+TEST(ProgressLineTest, TheErrorIsThatOfTheTilesSoFarUntilTheEnd) {
+  v1::Job job = HalfDone();
+  job.mutable_progress()->set_relative_mse(0.0123);
+  EXPECT_THAT(FormatProgress(job), HasSubstr("error ±11 % of the tiles so far"));
+  job.mutable_progress()->set_sample_count_done(job.progress().sample_count_total());
+  EXPECT_THAT(FormatProgress(job), HasSubstr("100.0 %, error ±11 %, "));
 }
 
 TEST(ProgressLineTest, TimeLeftHasABandAndSaysWhatOtherJobsTake) {
@@ -124,6 +132,20 @@ TEST_F(ProgressOutputTest, LinesFitTheTerminalWidth) {
       20, [this] { return now_; }, [this](const std::string& s) { output_ += s; });
   line.Show("jobs/1", 0.5, std::string(500, 'x'));
   EXPECT_LE(output_.size(), 20 + std::string("\r\x1b[K").size());
+}
+
+TEST_F(ProgressOutputTest, FieldsWithoutRoomAreLeftOut) {
+  const auto shown = [this](int columns) {
+    output_.clear();
+    ProgressLine(
+        columns, [this] { return now_; }, [this](const std::string& s) { output_ += s; })
+        .Show("jobs/1", 0.5, "50 %, error ±11 %, 0:53 left (0:50 to 0:59; 0:10 alone)");
+    return output_.substr(1, output_.find('\x1b') - 1);
+  };
+  EXPECT_EQ(shown(25), "jobs/1 50 %, error ±11 %");
+  EXPECT_EQ(shown(50), "jobs/1 50 %, error ±11 %");
+  EXPECT_EQ(shown(24), "jobs/1 50 %");
+  EXPECT_EQ(shown(59), "jobs/1 50 %, error ±11 %");
 }
 
 }  // namespace

@@ -2,8 +2,10 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // sheaf watch, list and workers: show the farm's jobs and workers.
+#include <algorithm>
 #include <cstdio>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -142,6 +144,21 @@ std::string TraitsText(const v1::Worker& worker) {
   return text;
 }
 
+// A row has at most 100 columns, with a pool's name of up to 12.
+constexpr int kWorkerColumns = 31;
+
+bool HaveOneProfile(const std::vector<v1::Worker>& workers) {
+  return std::ranges::all_of(workers, [&workers](const v1::Worker& worker) {
+    return worker.numeric_profile() == workers.front().numeric_profile();
+  });
+}
+
+// The name of its certificate, if it has one.
+std::string KnownAs(const v1::Worker& worker) {
+  const bool is_id = absl::StrCat("workers/", worker.identity()) == worker.name();
+  return is_id ? "" : Printable(worker.identity());
+}
+
 class WorkersCommand : public FarmCommand {
  public:
   CLI::App* AddTo(CLI::App* app) override {
@@ -164,20 +181,29 @@ class WorkersCommand : public FarmCommand {
     const absl::StatusOr<std::vector<v1::Worker>> workers = client->ListWorkers();
     if (!workers.ok()) return ReportCallError(workers.status());
     if (!json()) {
-      std::printf("%-36s %-11s %7s %6s %8s %6s %12s  %-12s %s\n", "WORKER", "STATE", "THREADS",
-                  "LEASES", "RESULTS", "COLD", "SAMPLES/S", "POOL", "PROFILE");
+      std::printf("%-*s %-11s %7s %6s %8s %6s %9s  %s\n", kWorkerColumns, "WORKER", "STATE",
+                  "THREADS", "LEASES", "RESULTS", "COLD", "SAMPLES/S", "POOL");
     }
+    const bool are_equal = HaveOneProfile(*workers);
     for (const v1::Worker& worker : *workers) {
       if (json()) {
         std::printf("%s\n", WorkerJson(worker).c_str());
         continue;
       }
-      std::printf("%-36s %-11s %7d %6d %8llu %6s %12s  %-12s %s\n",
-                  Printable(worker.name().substr(worker.name().find('/') + 1)).c_str(),
+      std::string id = Printable(worker.name().substr(worker.name().find('/') + 1));
+      if (id.size() > kWorkerColumns) {  // A long one has its own line.
+        std::printf("%s\n", id.c_str());
+        id.clear();
+      }
+      std::printf("%-*s %-11s %7d %6d %8llu %6s %9s  %s\n", kWorkerColumns, id.c_str(),
                   WorkerStateName(worker.state()).c_str(), worker.thread_count(),
                   worker.lease_count(), static_cast<unsigned long long>(worker.result_count()),
                   ColdShare(worker).c_str(), FormatCount(worker.samples_per_second()).c_str(),
-                  Printable(worker.pool()).c_str(), worker.numeric_profile().c_str());
+                  Printable(worker.pool()).c_str());
+      if (!are_equal) std::printf("  profile %s\n", worker.numeric_profile().c_str());
+      if (const std::string name = KnownAs(worker); !name.empty()) {
+        std::printf("  known as %s\n", name.c_str());
+      }
       if (const std::string has = TraitsText(worker); !has.empty()) {
         std::printf("  %s\n", has.c_str());
       }

@@ -152,6 +152,9 @@ void PrintJob(const v1::Job& job) {
   if (job.has_deadline()) {
     std::printf("deadline   %s\n", DeadlineText(job).c_str());
   }
+  if (!job.command().empty()) {
+    std::printf("command    %s\n", PrintableLines(job.command()).c_str());
+  }
   std::printf("progress   %s\n", FormatProgress(job).c_str());
   std::printf("rays       %s\n",
               FormatCount(static_cast<double>(job.progress().ray_count())).c_str());

@@ -19,6 +19,7 @@
 #include "cli/job/follow_job.h"
 #include "cli/job/identity/opened_files.h"
 #include "cli/job/job_json.h"
+#include "cli/job/own_command.h"
 #include "cli/message.h"
 #include "cli/quote/deadline.h"
 #include "cli/quote/quote.h"
@@ -179,7 +180,10 @@ class SubmitCommand : public Command {
     return absl::OkStatus();
   }
 
+  // Adds what only a submission has: its command, and what it waits for.
   void AddHolds(v1::CreateJobRequest* request) const {
+    const std::string& own = OwnCommand();
+    if (own.size() <= coordinator::kCommandBytesMax) request->set_command(own);
     request->set_approve_after_samples(approve_after_);
     request->mutable_dependencies()->Assign(dependencies_.begin(), dependencies_.end());
   }

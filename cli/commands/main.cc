@@ -17,6 +17,7 @@
 #include "cli/commands/command.h"
 #include "cli/dropped/dropped_scene.h"
 #include "cli/exit_code.h"
+#include "cli/job/own_command.h"
 #include "cli/message.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
@@ -47,10 +48,12 @@ std::vector<CommandGroup> MakeCommands() {
                          MakePlanCommand(), MakeStudyCommand(), MakeCompareCommand(),
                          MakePackCommand()));
   groups.push_back(Group("Render on a farm", MakeSubmitCommand(), MakeWatchCommand(),
-                         MakeListCommand(), MakeShowCommand(), MakeRefineCommand()));
+                         MakeListCommand(), MakeShowCommand(), MakeLogsCommand(),
+                         MakeRefineCommand()));
   groups.push_back(Group("Change jobs", MakePauseCommand(), MakeResumeCommand(),
-                         MakePriorityCommand(), MakeCancelCommand(), MakeReleaseCommand(),
-                         MakeApproveCommand(), MakePinCommand(), MakeUnpinCommand()));
+                         MakePriorityCommand(), MakeCancelCommand(), MakeDeleteCommand(),
+                         MakeReleaseCommand(), MakeApproveCommand(), MakePinCommand(),
+                         MakeUnpinCommand()));
   groups.push_back(Group("Failed work", MakeRetryCommand(), MakeKillCommand(), MakeBundleCommand(),
                          MakeReproCommand()));
   groups.push_back(Group("Look after a farm", MakeWorkersCommand(), MakeDrainCommand(),
@@ -101,6 +104,7 @@ ExitCode Main(int argc, char** argv) {
   }
   std::vector<char*> words = WithWordsAsOptions(argc, argv);
   if (RequestsJson(argc, argv)) UseJsonMessages();
+  NoteOwnCommand(argc, argv);
   const auto report = [](const std::string& text) { PrintError(ExitCode::kUsage, text); };
   if (const std::optional<int> code =
           ParseCommandLine(&app, static_cast<int>(words.size()), words.data(), report)) {

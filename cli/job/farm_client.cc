@@ -131,6 +131,13 @@ absl::StatusOr<std::vector<v1::Job>> FarmClient::ListJobs(size_t count_max, bool
   return jobs;
 }
 
+absl::StatusOr<std::vector<v1::JobEvent>> FarmClient::ListJobEvents(const std::string& name) {
+  const absl::StatusOr<v1::ListJobEventsResponse> response =
+      Unary(&v1::JobService::Stub::ListJobEvents, RequestFor<v1::ListJobEventsRequest>(name));
+  if (!response.ok()) return response.status();
+  return std::vector<v1::JobEvent>(response->events().begin(), response->events().end());
+}
+
 absl::StatusOr<std::vector<v1::Worker>> FarmClient::ListWorkers() {
   return WorkersOf(Unary(&v1::JobService::Stub::ListWorkers, v1::ListWorkersRequest()));
 }

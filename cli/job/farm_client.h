@@ -79,7 +79,7 @@ class FarmClient {
   absl::StatusOr<v1::Job> call(const v1::call##Request& request) { \
     return ChangeJob(&v1::JobService::Stub::call, request);        \
   }
-  SHEAF_JOB_CALLS(SHEAF_VERB)
+  SHEAF_JOB_VERBS(SHEAF_VERB)
 #undef SHEAF_VERB
   // Calls take with each message; after an interruption the messages restart. Errors: also those of
   // take.
@@ -89,6 +89,7 @@ class FarmClient {
   absl::StatusOr<v1::PriceRefinementResponse> PriceRefinement(
       const v1::PriceRefinementRequest& request);
   absl::StatusOr<std::vector<v1::Job>> ListJobs(size_t count_max, bool with_pilots = false);
+  absl::StatusOr<std::vector<v1::JobEvent>> ListJobEvents(const std::string& name);
   absl::StatusOr<std::vector<v1::Worker>> ListWorkers();
   absl::StatusOr<v1::Share> SetShare(const v1::SetShareRequest& request);
   absl::Status ResetShare(const std::string& subject);

@@ -135,7 +135,11 @@ absl::Status WriteImages(FarmClient* client, const v1::Frame& frame, const Image
                            "--exr-type float keeps them"));
   }
   const bool is_black = IsBlack(*image);
-  PrintInfo(absl::StrCat(FormatImageSummary(frame, paths),
+  ImagePaths named = paths;
+  const std::string layer =
+      delivery.png_layer.empty() ? LeastNoisyLayer(*image) : delivery.png_layer;
+  if (!named.png.empty() && layer != "image") absl::StrAppend(&named.png, " (", layer, ")");
+  PrintInfo(absl::StrCat(FormatImageSummary(frame, named),
                          is_black ? "; every pixel is black: no light of the scene reaches the "
                                     "camera (sheaf plan lists the lights)"
                                   : "",

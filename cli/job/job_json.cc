@@ -52,6 +52,10 @@ std::string WorkerJson(const v1::Worker& worker) {
   return coordinator::WorkerJson(ViewOfMessage(worker), JsonFields::kMessages);
 }
 
+std::string EventJson(const v1::JobEvent& event) {
+  return coordinator::EventJson(ViewOfMessage(event));
+}
+
 std::string ShareJson(const v1::Share& share) {
   return coordinator::ShareJson(ViewOfMessage(share));
 }

@@ -19,6 +19,7 @@ std::string WorkerStateName(v1::Worker::State state);
 std::string JobJson(const v1::Job& job);
 std::string RefinementPricesJson(const v1::PriceRefinementResponse& response);
 std::string WorkerJson(const v1::Worker& worker);
+std::string EventJson(const v1::JobEvent& event);
 std::string ShareJson(const v1::Share& share);
 
 }  // namespace sheaf::cli

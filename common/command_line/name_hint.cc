@@ -29,7 +29,12 @@ constexpr OtherWord kOtherWords[] = {{"--spp", "--samples"},
                                      {"describe", "show"},
                                      {"nodes", "workers"},
                                      {"estimate", "quote"},
-                                     {"diff", "compare"}};
+                                     {"diff", "compare"},
+                                     {"rm", "delete"},
+                                     {"remove", "delete"},
+                                     {"log", "logs"},
+                                     {"events", "logs"},
+                                     {"history", "logs"}};
 
 }  // namespace
 

@@ -41,6 +41,7 @@ constexpr OperationRule kRules[] = {
     {"/sheaf.v1.JobService/GetJob", kView},
     {"/sheaf.v1.JobService/ListJobs", kView},
     {"/sheaf.v1.JobService/WatchJob", kView},
+    {"/sheaf.v1.JobService/ListJobEvents", kView},
     {"/sheaf.v1.JobService/ReadFrameOutput", kView},
     {"/sheaf.v1.JobService/PriceRefinement", kView},
     {"/sheaf.v1.JobService/LiftQuarantine", kOperate},
@@ -99,6 +100,7 @@ constexpr OperationRule kRules[] = {
     {"GET /api/v1/jobs", kView},
     {"GET /api/v1/jobs/{}", kView},
     {"GET /api/v1/jobs/{}/failures", kView},
+    {"GET /api/v1/jobs/{}/log", kView},
     {"GET /api/v1/jobs/{}/refine-price", kView},
     {"GET /api/v1/jobs/{}/frames/{}", kView},
     {"GET /api/v1/jobs/{}/frames/{}/preview.png", kView},
@@ -124,7 +126,7 @@ constexpr OperationRule kRules[] = {
 
 #define SHEAF_METHOD(call, word, takes) {"/sheaf.v1.JobService/" #call, kSubmit},
 #define SHEAF_ROUTE(call, word, takes) {"POST /api/v1/jobs/{}:" word, kSubmit},
-constexpr OperationRule kVerbRules[] = {SHEAF_JOB_CALLS(SHEAF_METHOD) SHEAF_JOB_VERBS(SHEAF_ROUTE)};
+constexpr OperationRule kVerbRules[] = {SHEAF_JOB_VERBS(SHEAF_METHOD) SHEAF_JOB_VERBS(SHEAF_ROUTE)};
 #undef SHEAF_METHOD
 #undef SHEAF_ROUTE
 

@@ -78,7 +78,8 @@ void Scheduler::AddJob(const JobSpec& spec) {
               .effect_costs = spec.effect_costs,
               .dependencies = spec.dependencies,
               .approvals = spec.approvals,
-              .deadline = spec.deadline};
+              .deadline = spec.deadline,
+              .command = spec.command};
   job.frames.resize(spec.frames.size());
   for (size_t i = 0; i < spec.frames.size(); ++i) {
     const PackedFrame& frame = job.frames[i].packed = PackedFrame(spec.frames[i], &job.shapes);

@@ -110,4 +110,44 @@ absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id, Database*
   return troubles;
 }
 
+absl::Status AppendEvents(const std::vector<JobEvent>& events, Database* database) {
+  if (events.empty()) return absl::OkStatus();
+  return database->InTransaction([&]() {
+    Statement insert =
+        database->Prepare(absl::StrCat("INSERT ", IntoTable<EventRow>("job_events")));
+    Statement last = database->Prepare(
+        "SELECT CAST(COALESCE((SELECT MAX(position) FROM job_events WHERE job_id = ?), 0) AS "
+        "BIGINT) FROM jobs WHERE job_id = ?");
+    Statement trim = database->Prepare("DELETE FROM job_events WHERE job_id = ? AND position <= ?");
+    for (const JobEvent& event : events) {
+      const absl::StatusOr<bool> job = last.Bind(event.job_id).Bind(event.job_id).Step();
+      if (!job.ok()) return job.status();
+      if (!*job) continue;
+      const int64_t position = last.Int64(0) + 1;
+      absl::Status status = BindRow(EventRow{event.job_id, position, event.frame_number.has_value(),
+                                             event.frame_number.value_or(0), event},
+                                    &insert)
+                                .Run();
+      if (status.ok()) status = trim.Bind(event.job_id).Bind(position - kJobEventsMax).Run();
+      if (!status.ok()) return status;
+    }
+    return absl::OkStatus();
+  });
+}
+
+absl::StatusOr<std::vector<JobEvent>> LoadEvents(uint64_t job_id, Database* database) {
+  Statement query = database->Prepare(
+      absl::StrCat(SelectFrom<EventRow>("job_events"), "WHERE job_id = ? ORDER BY position"));
+  query.Bind(job_id);
+  std::vector<JobEvent> events;
+  absl::Status read = ReadRows<EventRow>(&query, [&events](EventRow row) {
+    row.event.job_id = row.job_id;
+    if (row.of_frame) row.event.frame_number = row.frame_number;
+    events.push_back(std::move(row.event));
+    return absl::OkStatus();
+  });
+  if (!read.ok()) return read;
+  return events;
+}
+
 }  // namespace sheaf::coordinator::rows

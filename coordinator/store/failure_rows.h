@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The rows of failed leases, for display, and of the workers that failed each task. Contracts and
-// errors are those of JobStore.
+// The rows of jobs' events and of failed leases, for display, and of the workers that failed each
+// task. Contracts and errors are those of JobStore.
 #pragma once
 
 #include <cstdint>
@@ -20,5 +20,7 @@ absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures, Database
 absl::Status LoadFailures(const std::map<uint64_t, StoredJob*>& jobs, Database* database);
 absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles, Database* database);
 absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id, Database* database);
+absl::Status AppendEvents(const std::vector<JobEvent>& events, Database* database);
+absl::StatusOr<std::vector<JobEvent>> LoadEvents(uint64_t job_id, Database* database);
 
 }  // namespace sheaf::coordinator::rows

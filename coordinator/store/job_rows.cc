@@ -277,8 +277,8 @@ absl::Status RemoveJob(uint64_t job_id, uint64_t* parts_bytes, Database* databas
       database->Prepare("INSERT INTO removed_jobs(job_id) VALUES(?) ON CONFLICT DO NOTHING")
           .Bind(job_id)
           .Run();
-  for (const char* table :
-       {"parts", "rounds", "effects", "failures", "task_failures", "frames", "jobs"}) {
+  for (const char* table : {"parts", "rounds", "effects", "failures", "task_failures", "job_events",
+                            "frames", "jobs"}) {
     if (!status.ok()) return status;
     status = database->Prepare(absl::StrCat("DELETE FROM ", table, " WHERE job_id = ?"))
                  .Bind(job_id)

@@ -36,7 +36,7 @@ CREATE TABLE jobs(
   memory_min_bytes INTEGER NOT NULL DEFAULT 0, memory_expected_bytes INTEGER NOT NULL DEFAULT 0,
   deadline_ns INTEGER NOT NULL DEFAULT 9223372036854775807,
   quoted_cpu_seconds REAL NOT NULL DEFAULT 0, quoted_cpu_seconds_low REAL NOT NULL DEFAULT 0,
-  quoted_cpu_seconds_high REAL NOT NULL DEFAULT 0);
+  quoted_cpu_seconds_high REAL NOT NULL DEFAULT 0, command TEXT NOT NULL DEFAULT '');
 CREATE TABLE frames(
   job_id INTEGER NOT NULL REFERENCES jobs(job_id), frame_number INTEGER NOT NULL,
   scene_sha256 TEXT NOT NULL, scene_bytes INTEGER NOT NULL, frame_digest TEXT NOT NULL,
@@ -104,6 +104,10 @@ CREATE TABLE task_failures(
   times INTEGER NOT NULL, words TEXT NOT NULL, seal INTEGER NOT NULL,
   PRIMARY KEY(job_id, frame_number, task_kind, y0, x0, first, count, cells, worker_id, kind))
   WITHOUT ROWID;
+CREATE TABLE job_events(
+  job_id INTEGER NOT NULL, position INTEGER NOT NULL, time_ns INTEGER NOT NULL, what TEXT NOT NULL,
+  who TEXT NOT NULL, of_frame INTEGER NOT NULL, frame_number INTEGER NOT NULL, text TEXT NOT NULL,
+  PRIMARY KEY(job_id, position)) WITHOUT ROWID;
 CREATE TABLE removed_jobs(
   job_id INTEGER PRIMARY KEY);
 CREATE TABLE shares(

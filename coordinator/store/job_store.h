@@ -18,6 +18,7 @@
 #include "common/objects/object_store.h"
 #include "coordinator/core/frame/sample_rounds.h"
 #include "coordinator/core/job/job.h"
+#include "coordinator/core/job/job_event.h"
 #include "coordinator/core/job/share_setting.h"
 #include "coordinator/core/policy/usage.h"
 
@@ -139,6 +140,11 @@ class JobStore {
   virtual absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles) = 0;
   // Without rows that changed on disk: their tasks are rendered again.
   virtual absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id) = 0;
+  // Adds events to their jobs, in one transaction; skips those of removed jobs. Keeps the last
+  // kJobEventsMax of a job.
+  virtual absl::Status AppendEvents(const std::vector<JobEvent>& events) = 0;
+  // In the order in which they were added.
+  virtual absl::StatusOr<std::vector<JobEvent>> LoadEvents(uint64_t job_id) = 0;
   // Quarantined identities. Write replaces an identity's record; Remove is a no-op if there is
   // none. Loaded in the order of their times.
   virtual absl::Status WriteQuarantine(const QuarantineRecord& record) = 0;

@@ -116,6 +116,16 @@ absl::Status SqlJobStore::ReleaseJob(uint64_t job_id) {
   return rows::ReleaseJob(job_id, database_.get());
 }
 
+absl::Status SqlJobStore::AppendEvents(const std::vector<JobEvent>& events) {
+  const MutexLock lock(&database_mutex_);
+  return rows::AppendEvents(events, database_.get());
+}
+
+absl::StatusOr<std::vector<JobEvent>> SqlJobStore::LoadEvents(uint64_t job_id) {
+  const MutexLock lock(&database_mutex_);
+  return rows::LoadEvents(job_id, database_.get());
+}
+
 absl::Status SqlJobStore::WriteDrains(const std::vector<DrainRecord>& records) {
   const MutexLock lock(&database_mutex_);
   return rows::WriteDrains(records, database_.get());

@@ -65,6 +65,8 @@ class SqlJobStore : public JobStore {
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override;
   absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles) override;
   absl::StatusOr<std::vector<TaskTrouble>> LoadTroubles(uint64_t job_id) override;
+  absl::Status AppendEvents(const std::vector<JobEvent>& events) override;
+  absl::StatusOr<std::vector<JobEvent>> LoadEvents(uint64_t job_id) override;
   absl::Status WriteQuarantine(const QuarantineRecord& record) override;
   absl::Status RemoveQuarantine(const std::string& identity) override;
   absl::StatusOr<std::vector<QuarantineRecord>> LoadQuarantines() override;

@@ -75,6 +75,7 @@ void VisitColumns(Row& sealed, const Visitor& visit) {
   visit("quoted_cpu_seconds", row.spec.deadline.cpu_seconds);
   visit("quoted_cpu_seconds_low", row.spec.deadline.cpu_seconds_low);
   visit("quoted_cpu_seconds_high", row.spec.deadline.cpu_seconds_high);
+  visit("command", row.spec.command);
 }
 inline int64_t SealOf(const StoredJob& job) {
   return SealOfColumns([&job](const auto& visit) { VisitFixedColumns(job, visit); });
@@ -398,6 +399,26 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("frame_number", row.frame_number);
   visit("samples", row.approval.samples);
   visit("approved", row.approval.approved);
+}
+
+// The table `job_events`.
+struct EventRow {
+  uint64_t job_id = 0;
+  int64_t position = 0;  // Ascending in the job.
+  bool of_frame = false;
+  int32_t frame_number = 0;
+  JobEvent event;
+};
+template <RowOf<EventRow> Row, typename Visitor>
+void VisitColumns(Row& row, const Visitor& visit) {
+  visit("job_id", row.job_id);
+  visit("position", row.position);
+  visit("time_ns", row.event.time);
+  visit("what", row.event.what);
+  visit("who", row.event.who);
+  visit("of_frame", row.of_frame);
+  visit("frame_number", row.frame_number);
+  visit("text", row.event.text);
 }
 
 // The table `drains`.

@@ -3,7 +3,9 @@
 //
 // The coordinator's HTTP API. Names become path segments, each escaped.
 
-import type {EffectCost, Failure, Frame, Job, PreviewFrame, RefinePrices, Worker} from './views';
+import type {
+  EffectCost, Failure, Frame, Job, JobEvent, PreviewFrame, RefinePrices, Worker
+} from './views';
 
 export type * from './views';
 
@@ -155,6 +157,8 @@ export const getPixel = (frame: Frame, x: number, y: number) =>
 export const getFrame = (name: string) => request<Frame>(pathOf(name));
 export const listFailures = (name: string) =>
     request<{failures: Failure[]}>(pathOf(name) + '/failures');
+export const listEvents = (name: string) =>
+    request<{events: JobEvent[]}>(pathOf(name) + '/log');
 export const getRefinePrices = (name: string, targets: readonly number[]) =>
     request<RefinePrices>(pathOf(name) + '/refine-price?target_error=' + targets.join(','));
 export const listWorkers = (pageSize: number, token: string) =>

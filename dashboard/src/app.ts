@@ -23,6 +23,7 @@ import {HistoryView} from './history';
 import {ImageView} from './image_view';
 import {JobActions} from './job_actions';
 import {JobDetailsView} from './job_details';
+import {JobLogView} from './job_log';
 import {JobSettingsView} from './job_settings';
 import {JobsView} from './jobs';
 import {JobsTable} from './jobs_table';
@@ -125,6 +126,7 @@ async function startViews() {
     () => new FramesView(store, select, () => live?.showMoreFrames()),
     () => image = new ImageView(store),
     () => new JobSettingsView(store),
+    () => new JobLogView(store),
     () => new WorkersView(store),
     () => new JobsTable(store, select),
     () => new WorkersTable(store, select),

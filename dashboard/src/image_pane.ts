@@ -9,6 +9,8 @@ import * as api from './api';
 import type {Frame, Layer, LayerRange, View} from './api';
 import {byId, setText} from './dom';
 import {Exposure} from './exposure';
+import {composeEyes} from './eyes';
+import type {EyesMode} from './eyes';
 import type {Development} from './exposure';
 import type {Histogram} from './light_bins';
 import {ImageViewport} from './image_viewport';
@@ -39,6 +41,8 @@ export interface PaneOptions {
   // Prefix of the element ids: "image" stands for "image-box", "image" and "image-note".
   name: string;
   wanted: () => Wanted;
+  // How both eyes of a stereo frame are shown.
+  eyes: () => EyesMode;
   onView: () => void;
   onRange: (layer: Layer, range: LayerRange|null) => void;
   onHistogram: (histogram: Histogram|null) => void;
@@ -103,6 +107,12 @@ export class ImagePane {
     this.options.onHistogram(null);
   }
 
+  // Shows the same image anew.
+  again() {
+    this.shown = '';
+    this.hurry();
+  }
+
   private async countPalette() {
     const copy = await this.viewport.copyOfImage();
     if (copy) this.exposure.askPalette(this.shown, copy);
@@ -134,7 +144,8 @@ export class ImagePane {
   // Reserves the space before the first pixel arrives.
   private setShape(frame: Frame|undefined) {
     if (!frame) return;
-    const width = frame.window.x1_px - frame.window.x0_px;
+    const both = frame.window.x1_px - frame.window.x0_px;
+    const width = this.options.eyes() === 'both' ? both : Math.floor(both / 2);
     const height = frame.window.y1_px - frame.window.y0_px;
     this.box.style.setProperty('--image-shape', width + ' / ' + height);
     byId(this.options.name)
@@ -209,7 +220,11 @@ export class ImagePane {
   // A round's smaller image is scaled to the size of the full one.
   private setImage(bitmap: ImageBitmap) {
     const {frame, round} = this.options.wanted();
-    this.viewport.setImage(bitmap, frame && round !== null ? shownSize(frame) : bitmap);
+    const {width, height} = frame && round !== null ? shownSize(frame) : bitmap;
+    const mode = this.options.eyes();
+    this.viewport.setImage(
+        composeEyes(bitmap, mode),
+        {width: mode === 'both' ? width : Math.floor(width / 2), height});
     this.noteDrawn();
   }
 

@@ -8,6 +8,7 @@ import type {Frame, Job, Layer, LayerRange} from './api';
 import {CompareChoice} from './compare_choice';
 import {CompareModeChoice} from './compare_mode';
 import {byId, setText} from './dom';
+import {EyesChoice, isStereo} from './eyes';
 import {FullScreen} from './full_screen';
 import {HistogramView} from './histogram';
 import {ImagePane} from './image_pane';
@@ -37,6 +38,7 @@ export class ImageView {
   // The compared frame, and the job that it was chosen for.
   private comparedFrame = '';
   private comparedJob: string|null = null;
+  private eyes: EyesChoice|undefined;
   private rangeWords = '';
   private besideWords = '';
 
@@ -44,6 +46,7 @@ export class ImageView {
     this.pane = new ImagePane(store, {
       name: 'image',
       wanted: () => this.wantedOfShown(),
+      eyes: () => this.eyes?.mode ?? 'both',
       onView: () => this.controls.drawZoom(),
       onRange: (layer, range) => this.onRange(layer, range),
       onHistogram: (histogram) => this.onHistogram(histogram),
@@ -51,6 +54,7 @@ export class ImageView {
     this.beside = new ImagePane(store, {
       name: 'beside',
       wanted: () => this.wanted(store.beside, 'No image yet.', null, this.besideValue),
+      eyes: () => isStereo(store.beside) ? this.eyes?.mode ?? 'both' : 'both',
       onView: () => {},
       onRange: (layer, range) => {
         const {of} = this.controls.shownOf(this.besideValue);
@@ -73,7 +77,12 @@ export class ImageView {
       this.hurry();
       this.drawNames();
     });
-    new PixelReadout(store, [this.pane.viewport, this.beside.viewport]);
+    this.eyes = new EyesChoice(store, () => {
+      this.pane.again();
+      this.beside.again();
+    });
+    new PixelReadout(
+        store, [this.pane.viewport, this.beside.viewport], (x) => this.eyes?.shareOf(x) ?? x);
     this.choice = new CompareChoice(store, () => {
       this.hurry();
       this.drawNames();
@@ -94,6 +103,7 @@ export class ImageView {
       'b': () => this.mode.flip(),
       's': () => this.mode.choose(this.mode.mode === 'split' ? 'beside' : 'split'),
       'd': () => this.compareDenoised(),
+      'x': () => this.eyes?.flip(),
     };
     return actions[key];
   }

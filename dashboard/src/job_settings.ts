@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The owner of the job, and the settings of the shown frame; with a command that submits
-// such a frame again.
+// The owner of the job, and the settings of the shown frame; with the command that
+// submitted the job, or one that submits such a frame again.
 
 import type {Frame, Job} from './api';
 import {commandField, copyCommand} from './command_field';
@@ -18,7 +18,8 @@ export class JobSettingsView {
       const button = (event.target as Element).closest('button');
       if (button) void copyCommand(button);
     });
-    for (const topic of ['jobs', 'frames', 'selection'] as const) store.listen(topic, this.draw);
+    for (const topic of ['jobs', 'frames', 'effects', 'selection'] as const)
+      store.listen(topic, this.draw);
   }
 
   private readonly draw = () => {
@@ -35,12 +36,15 @@ export class JobSettingsView {
       setText(child(child(list, i), 0), name);
       setText(child(child(list, i), 1), value);
     });
-    const command = commandOf(job, frame);
+    const command = this.store.command || commandOf(job, frame);
     if (command === this.shownCommand) return;
     this.shownCommand = command;
     byId('settings-command')
         .replaceChildren(commandField(
-            command, 'Command that submits such a job again, in the folder of the scene'));
+            command,
+            this.store.command ?
+                'Command that submitted the job' :
+                'Command that submits such a job again, in the folder of the scene'));
   };
 }
 
@@ -83,8 +87,8 @@ function settingsOf(job: Job, frame: Frame): [string, string][] {
   return rows.filter((row): row is[string, string] => row[1] !== false && row[1] !== '');
 }
 
-// The coordinator keeps the settings, not the command: settings that are the scene's own are named,
-// too.
+// For jobs that came without a command, as those dropped on the page: settings that are the scene's
+// own are named, too.
 function commandOf(job: Job, frame: Frame): string {
   const {stop} = frame;
   const title = job.title || 'scene.pbrt';

@@ -36,6 +36,7 @@ const HELP: [string, [string, string][]][] = [
       ['b', 'flip between the image and the compared one'],
       ['s', 'split, or side by side'],
       ['d', 'denoised layer beside the image'],
+      ['x', 'other eye of a stereo image'],
     ]
   ],
   [

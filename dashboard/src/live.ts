@@ -206,7 +206,7 @@ export class Live {
     if (job === null) return;
     for (const frame of job.frames) if (!changed.has(frame.name)) this.store.setFrame(frame);
     this.store.framesToken = job.next_page_token;
-    this.store.setEffects(job.effect_costs);
+    this.store.setEffects(job.effect_costs, job.command);
     this.store.touch('frames');
   }
 }

@@ -29,7 +29,10 @@ export class PixelReadout {
   // The pixel that is shown or being asked for.
   private shown = '';
 
-  constructor(private readonly store: Store, viewports: readonly ImageViewport[]) {
+  // shareOf: as EyesChoice.shareOf.
+  constructor(
+      private readonly store: Store, viewports: readonly ImageViewport[],
+      private readonly shareOf: (x: number) => number) {
     for (const viewport of viewports) viewport.onPoint = (point) => this.pointAt(point);
     byId('viewer').addEventListener('keydown', (event) => this.onKey(event));
     for (const topic of ['frames', 'selection', 'beside'] as const) {
@@ -44,7 +47,7 @@ export class PixelReadout {
     const {x0_px, y0_px, x1_px, y1_px} = frame.window;
     const at = (low: number, high: number, share: number) =>
         Math.min(high - 1, Math.max(low, low + Math.floor(share * (high - low))));
-    this.place = {x: at(x0_px, x1_px, point.x), y: at(y0_px, y1_px, point.y)};
+    this.place = {x: at(x0_px, x1_px, this.shareOf(point.x)), y: at(y0_px, y1_px, point.y)};
     void this.ask();
   }
 

@@ -45,6 +45,8 @@ export class Store {
   readonly answers = new Answers();
   // Effects of the selected job's scene.
   effects: readonly EffectCost[] = [];
+  // The command that submitted the selected job; '' while it is loaded, and if none was kept.
+  command = '';
   // A frame of any job, shown beside the current one.
   beside: Frame|undefined;
   counters: Counter[] = [];
@@ -156,9 +158,11 @@ export class Store {
   }
 
   // Setting the same effects again changes nothing.
-  setEffects(effects: readonly EffectCost[]) {
-    if (JSON.stringify(effects) === JSON.stringify(this.effects)) return;
+  setEffects(effects: readonly EffectCost[], command = '') {
+    const isSame = command === this.command;
+    if (isSame && JSON.stringify(effects) === JSON.stringify(this.effects)) return;
     this.effects = effects;
+    this.command = command;
     this.touch('effects');
   }
 

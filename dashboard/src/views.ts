@@ -59,6 +59,7 @@ export interface Job {
   dependencies: Dependency[];
   deadline_time: string|null;
   held: boolean;
+  command: string;
   preview_frame: PreviewFrame|null;
   progress: Progress;
 }
@@ -175,6 +176,14 @@ export interface Failure {
   message: string;
   time: string;
   command: string;
+}
+
+export interface JobEvent {
+  time: string;
+  what: string;
+  who: string;
+  frame_number: number|null;
+  text: string;
 }
 
 export interface Lease {

@@ -19,13 +19,13 @@ from sheaf.errors import (CoordinatorError, EndedJobError, FileError, InvalidReq
                           WrongStateError)
 from sheaf.farm import Farm
 from sheaf.images import ErrorPoint, Image, read_image
-from sheaf.jobs import (Estimate, Frame, Job, JobState, Progress, RefinementPrice, Round,
-                        StopReason, Worker, WorkerState)
+from sheaf.jobs import (Estimate, Frame, Job, JobEvent, JobState, Progress, RefinementPrice,
+                        Round, StopReason, Worker, WorkerState)
 
 __all__ = [
     "Client", "CoordinatorError", "EndedJobError", "ErrorPoint", "Estimate", "Farm", "FileError",
-    "Frame", "Image", "InvalidRequestError", "Job", "JobCancelledError", "JobFailedError",
-    "JobLike", "JobState", "LimitError", "MissingLibraryError", "NotFoundError",
+    "Frame", "Image", "InvalidRequestError", "Job", "JobCancelledError", "JobEvent",
+    "JobFailedError", "JobLike", "JobState", "LimitError", "MissingLibraryError", "NotFoundError",
     "NotLoggedInError", "NotPermittedError", "Progress", "ProgramError", "RefinementPrice",
     "Round", "SceneError", "SheafError", "StopReason", "UnreachableError", "WaitExpiredError",
     "Worker", "WorkerState", "WrongStateError", "connect", "read_image",

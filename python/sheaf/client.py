@@ -19,8 +19,8 @@ from sheaf.address import coordinator_addresses
 from sheaf.connection import UNARY_SECONDS_MAX, Connection, transient_wait
 from sheaf.images import Image, read_image
 from sheaf.job_changes import JobChanges
-from sheaf.jobs import (Frame, Job, JobState, RefinementPrice, Worker, job_from, price_from,
-                        worker_from)
+from sheaf.jobs import (Frame, Job, JobEvent, JobState, RefinementPrice, Worker, event_from,
+                        job_from, price_from, worker_from)
 from sheaf.programs import run_sheaf
 from sheaf.v1 import frame_pb2, job_pb2
 
@@ -221,6 +221,15 @@ class Client:
 
     def resume(self, job: JobLike) -> Job:
         return self._change("ResumeJob", job)
+
+    def delete(self, job: JobLike) -> Job:
+        """Removes a job that has ended, with its images on the farm; returns it as it was."""
+        return self._change("DeleteJob", job)
+
+    def events(self, job: JobLike) -> list[JobEvent]:
+        """Everything that happened to the job, oldest first."""
+        request = job_pb2.ListJobEventsRequest(name=self._name(job))
+        return list(map(event_from, self._unary("ListJobEvents", request).events))
 
     def pin(self, job: JobLike) -> Job:
         """Keeps all data of the job, however full the coordinator's disk is, until unpin()."""

@@ -141,6 +141,17 @@ class Estimate:
 
 
 @dataclasses.dataclass(frozen=True)
+class JobEvent:
+    """Something that happened to a job. what: a verb for what users did, "cancel"; otherwise
+    "started", "failure", "delivered", "succeeded", "failed" or "cancelled"."""
+    time: datetime.datetime
+    what: str
+    who: str  # The user, or "workers/ID"; empty: the coordinator.
+    frame: int | None  # None: the whole job.
+    text: str
+
+
+@dataclasses.dataclass(frozen=True)
 class RefinementPrice:
     """The cost of refining a job until its frames reach an error."""
     target_error: float
@@ -171,6 +182,12 @@ def worker_from(message: job_pb2.Worker) -> Worker:
         last_seen_time=_time(message.last_seen_time), identity=message.identity,
         reason=message.reason, lease_granted_count=message.lease_granted_count,
         lease_cold_count=message.lease_cold_count, message=message)
+
+
+def event_from(message: job_pb2.JobEvent) -> JobEvent:
+    frame = message.frame_number if message.HasField("frame_number") else None
+    return JobEvent(time=_time(message.time), what=message.what, who=message.who, frame=frame,
+                    text=message.text)
 
 
 def price_from(message: job_pb2.RefinementPrice) -> RefinementPrice:

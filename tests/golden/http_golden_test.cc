@@ -35,6 +35,7 @@ class HttpGoldenTest : public ::testing::Test {
     farm_.workers = {MadeUpWorker(), WorkerView()};
     farm_.workers[1].worker_id = "w-2";
     farm_.failures = {MadeUpFailure(), FailureView()};
+    farm_.events = MadeUpEvents();
     farm_.metrics = MadeUpMetrics();
     farm_.prices = MadeUpPrices();
   }
@@ -63,9 +64,9 @@ TEST_F(HttpGoldenTest, AnswersAreUnchanged) {
   for (const char* target :
        {"/healthz", "/readyz", "/api/v1/jobs", "/api/v1/jobs?page_size=1", "/api/v1/jobs/5",
         "/api/v1/jobs/5?page_size=1", "/api/v1/jobs/4", "/api/v1/jobs/9", "/api/v1/jobs/5/failures",
-        "/api/v1/jobs/5/refine-price?target_error=0.01,0.002", "/api/v1/jobs/5/frames/7",
-        "/api/v1/jobs/5/frames/8", "/api/v1/farm", "/api/v1/workers", "/api/v1/session",
-        "/api/v1/usage", "/api/v1/counters"}) {
+        "/api/v1/jobs/5/log", "/api/v1/jobs/5/refine-price?target_error=0.01,0.002",
+        "/api/v1/jobs/5/frames/7", "/api/v1/jobs/5/frames/8", "/api/v1/farm", "/api/v1/workers",
+        "/api/v1/session", "/api/v1/usage", "/api/v1/counters"}) {
     absl::StrAppend(&text, Answer("GET", target));
   }
   absl::StrAppend(&text, Answer("POST", "/api/v1/gc?dry_run=1"));

@@ -113,6 +113,7 @@ JobView MadeUpJob() {
   job.deadline_time = absl::FromUnixMillis(1'700'009'000'500);
   job.deadline_cpu_seconds = {3600.5, 3000.25, 4000.75};
   job.held = true;
+  job.command = "sheaf submit kitchen.pbrt --samples 64";
   job.effect_costs = {{"lens", "", "a pinhole", 0.25, 0.01, -0.002, 0.003, 1e-4, 1.5},
                       {"indirect light", "the time limit was reached", "", 0, 0, 0, 0, 0, 0}};
   job.progress = MadeUpProgress(2);
@@ -173,6 +174,12 @@ FailureView MadeUpFailure() {
   view.failure.task_kind = TaskKind::kTraining;
   view.command = "sheaf render kitchen.pbrt --crop 0,16,32,48";
   return view;
+}
+
+std::vector<JobEvent> MadeUpEvents() {
+  const absl::Time time = absl::FromUnixMillis(1'700'000'000'123);
+  return {{3, time, "submit", "anna"},
+          {3, time + absl::Seconds(2), "failure", "workers/w-1", 7, "lack of memory"}};
 }
 
 RefinementPrices MadeUpPrices() {

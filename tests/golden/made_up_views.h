@@ -15,6 +15,7 @@ FrameSettings MadeUpSettings();
 JobView MadeUpJob();
 WorkerView MadeUpWorker();
 FailureView MadeUpFailure();
+std::vector<JobEvent> MadeUpEvents();
 RefinementPrices MadeUpPrices();
 std::vector<ShareView> MadeUpShares();
 std::vector<RemovalView> MadeUpRemovals();

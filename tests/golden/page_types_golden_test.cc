@@ -125,6 +125,7 @@ TEST(PageTypesGoldenTest, TypesOfThePageFollowFromViews) {
   types.Add<FrameView>("  name: string;\n");
   types.Add<EffectCost>();
   types.Add<FailureView>("  frame_name: string;\n");
+  types.Add<JobEvent>();
   types.Add<WorkerView>();
   types.Add<RefinementPrices>();
   types.Add<RemovalView>();

@@ -283,6 +283,37 @@ class ClientTest(ClientCase):
         self.assertIn(worker["state"], ("idle", "busy"))
         self.assertIn(worker["name"].removeprefix("workers/"), self.farm.sheaf("workers").stdout)
 
+    def test_logs_and_delete(self):
+        """The log has the events in order; then nothing is left of the job."""
+        scene = self.farm.path("a room.pbrt")
+        shutil.copy(os.path.join(farm.ROOT, "scenes", "cornell-box.pbrt"), scene)
+        self.farm.sheaf("submit", scene, *SMALL, "--wait", "--denoise-with", "cp secret",
+                        "-o", self.farm.path("logged.exr"), check=False)
+        name = json.loads(self.farm.sheaf("list", "--json", "--limit", "1").stdout)["name"]
+        job = json.loads(self.farm.sheaf("show", name, "--json").stdout)
+        self.assertRegex(job["command"], r"^sheaf submit '.*/a room\.pbrt' ")
+        self.assertNotIn("secret", job["command"])
+        self.assertIn("command    sheaf submit", self.farm.sheaf("show", name).stdout)
+        followed = self.farm.sheaf("logs", name, "--follow", "--json").stdout.splitlines()
+        events = [json.loads(line) for line in followed]
+        self.assertEqual([event["what"] for event in events],
+                         ["submit", "started", "delivered", "succeeded"])
+        self.assertEqual([event["frame_number"] for event in events], [None, 1, 1, None])
+        self.assertRegex(events[1]["who"], "^workers/")
+        self.assertRegex(events[2]["text"], r"^error \S+ %, \S+ s of CPU time, image [0-9a-f]{12}$")
+        text = self.farm.sheaf("logs", name, "1").stdout
+        self.assertRegex(text.splitlines()[1],
+                         r"^\d{4}-\d\d-\d\d \S+  started    frame 1, workers/")
+        running = self.farm.sheaf("submit", scene, "--samples", "65536",
+                                  "--no-quote").stdout.strip()
+        refused = self.farm.sheaf("delete", running, name, check=False)
+        self.assertEqual((refused.returncode, refused.stdout), (1, f"{name} deleted\n"))
+        self.assertIn("has not ended; cancel it first", refused.stderr)
+        self.assertEqual(self.farm.sheaf("delete", running, "--cancel").stdout,
+                         f"{running} deleted\n")
+        for gone in (name, running):
+            self.assertEqual(self.farm.sheaf("logs", gone, check=False).returncode, 1)
+
     def test_cancel(self):
         scene = self.write("long.pbrt", SCENE)
         name = self.farm.sheaf("submit", scene, "--samples", 1 << 24).stdout.strip()

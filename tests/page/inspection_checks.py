@@ -36,6 +36,17 @@ SETTINGS = """
 """
 
 
+# The size in pixels of what is shown, by its label.
+SIZE = """
+  const label = document.getElementById("image").getAttribute("aria-label") || "";
+  return (/(\\d+) by (\\d+) pixels/.exec(label) || []).slice(1).map(Number);
+"""
+LOG = """
+  return [...document.querySelectorAll("#log-list li")].map(
+      (line) => [line.children[1].textContent, line.children[2].textContent]);
+"""
+
+
 def check_settings(browser):
     """The owner of the job, its settings, and a command that submits such a one."""
     whose = browser.run(TEXT, "job-whose")
@@ -155,6 +166,45 @@ def check_denoised_beside(browser, screenshot):
     browser.run(CHOOSE, "beside-job", "")
     wait_until(lambda: browser.run(HIDDEN, "beside-box") and browser.run(PIXELS) == image,
                CHANGE_SECONDS_MAX, "the image alone")
+
+
+def check_both_eyes(browser, stereo_job, screenshot):
+    """A stereo image: both eyes side by side, by turns and as an anaglyph; its command and log."""
+    assert browser.run(HIDDEN, "eyes-label"), "one eye has no choice of eyes"
+    other = browser.run("return location.hash")
+    browser.run("location.hash = arguments[0]", stereo_job)
+    wait_until(lambda: browser.run(TEXT, "job-title") == "both eyes", CHANGE_SECONDS_MAX, "its job")
+    wait_until(lambda: browser.run(SIZE) == [640, 360], CHANGE_SECONDS_MAX, "both eyes")
+    both = browser.run(PIXELS)
+    shown = {}
+    for mode in ("left", "right", "anaglyph"):
+        browser.run(CHOOSE, "eyes", mode)
+        wait_until(lambda: browser.run(SIZE) == [320, 360] and
+                   browser.run(PIXELS) not in ("", both, *shown.values()), CHANGE_SECONDS_MAX, mode)
+        shown[mode] = browser.run(PIXELS)
+        screenshot(f"page-eyes-{mode}.png")
+    pixels = {mode: [int(v) for v in text.split(",")] for mode, text in shown.items()}
+    for channel, eye in enumerate(("left", "right", "right")):
+        apart = [abs(a - b) for a, b in
+                 zip(pixels["anaglyph"][channel::4], pixels[eye][channel::4])]
+        assert max(apart) <= 2, f"channel {channel} is that of the {eye} eye: {max(apart)}"
+    browser.run(CHOOSE, "eyes", "left")
+    browser.run(FOCUS, "image-box")
+    browser.press("x")
+    wait_until(lambda: browser.run(PIXELS) == shown["right"], CHANGE_SECONDS_MAX, "the other eye")
+    browser.run(CHOOSE, "eyes", "both")
+    wait_until(lambda: browser.run(PIXELS) == both, CHANGE_SECONDS_MAX, "both again")
+    command = "return document.querySelector('#settings-command input').value"
+    wait_until(lambda: browser.run(command) == "sheaf submit room.pbrt --stereo 0.065",
+               CHANGE_SECONDS_MAX, "the command that submitted it")
+    browser.run("document.getElementById('log').open = true")
+    wait_until(lambda: browser.run(LOG), CHANGE_SECONDS_MAX, "its log")
+    lines = browser.run(LOG)
+    assert [line[0] for line in lines] == ["submit", "started", "failure", "priority"], lines
+    assert lines[2][1].startswith("frame 7 · ") and "roughness 1.7" in lines[2][1], lines
+    browser.run("document.getElementById('log').scrollIntoView()")
+    screenshot("page-log.png")
+    browser.run("document.getElementById('log').open = false; location.hash = arguments[0]", other)
 
 
 def check_close_looks(browser, screenshot):

@@ -32,6 +32,7 @@ constexpr uint64_t kSampleCount = 256;
 constexpr int kFrameCount = 24;
 // Edge of a tile in pixels; tiles have different numbers of samples.
 constexpr int kTilePx = 40;
+constexpr int kStereoJobsBefore = 2;  // The newest job but two is a stereo image.
 constexpr int kWorkerCount = 3;
 constexpr int32_t kUsageDayCount = 14;
 constexpr int64_t kDaySeconds = 86400;
@@ -224,6 +225,10 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
   farm->failures.assign(2, {failure,
                             "sheaf render turntable.0007.pbrt --crop 320,160,360,200 "
                             "--samples 32 --max-depth 5 --seed 0"});
+  farm->events = {{1, absl::Now(), "submit", "anna"},
+                  {1, absl::Now(), "started", "workers/worker-0003", 1},
+                  {1, absl::Now(), "failure", "workers/worker-0003", 7, failure.message},
+                  {1, absl::Now(), "priority", "ben", std::nullopt, "5"}};
   if (job_count > 0) farm->jobs.push_back(MakeRunningJob(job_count, frame_count));
   const std::vector<EffectCost> effect_costs = {
       {"lens", "", "a pinhole", 0.043, 0.011, -0.0021, 0.0032, 1e-4, 1.02},
@@ -236,6 +241,11 @@ void FillFarm(FakeFarm* farm, int job_count, int worker_count, int frame_count) 
   farm->prices.thread_count = worker_count;
   for (int i = job_count - 1; i > 0; --i) {
     farm->jobs.push_back(MakeJob(i, absl::Now() - absl::Minutes(3 * (job_count - i))));
+    if (i != job_count - kStereoJobsBefore) continue;
+    JobView& stereo = farm->jobs.back();
+    stereo.title = "both eyes";
+    stereo.command = "sheaf submit room.pbrt --stereo 0.065";
+    for (FrameView& frame : stereo.frames) frame.settings.eye_distance = 0.065f;
   }
   farm->workers.resize(static_cast<size_t>(worker_count));
   for (int i = 0; i < worker_count; ++i) {

@@ -33,7 +33,7 @@ from control_checks import check_control, check_effects, check_refine  # noqa: E
 from farm import ALL_TESTS, Farm, PATIENCE, ROOT, programs, wait_until  # noqa: E402
 from focus_checks import TAB, check_tab_stops  # noqa: E402
 from figure_checks import NOTE_IMAGES, check_large_image  # noqa: E402
-from inspection_checks import check_close_looks, check_settings  # noqa: E402
+from inspection_checks import check_both_eyes, check_close_looks, check_settings  # noqa: E402
 from frame_checks import MANY_FRAMES, check_frame_grid, check_many_frames  # noqa: E402
 from job_checks import check_effect_shares, check_failed_job, check_first_steps  # noqa: E402
 from job_checks import check_one_error_scale, check_png_download  # noqa: E402
@@ -57,6 +57,7 @@ SAMPLES = 16
 MADE_UP_JOB_COUNT = 5000
 MADE_UP_WORKER_COUNT = 1000
 MADE_UP_WIDTH_PX = 640
+MADE_UP_STEREO_JOB = "jobs/4998"  # As in page_server.cc.
 # A number that page_server.cc lets fail.
 MADE_UP_FAILED_JOB = "jobs/4988"
 assert int(MADE_UP_FAILED_JOB[5:]) % 11 == 5
@@ -318,6 +319,9 @@ def check_keys_of_the_page(browser, _):
 def check_inspection(browser, _):
     check_settings(browser)
     check_close_looks(browser, lambda name: browser.screenshot(artefact(name)))
+    check_both_eyes(browser, MADE_UP_STEREO_JOB, lambda name: browser.screenshot(artefact(name)))
+    wait_until(lambda: browser.run(TEXT, "job-title").startswith("turntable"), PAGE_SECONDS_MAX,
+               "the job before")
 
 
 def check_keyboard(browser, _):

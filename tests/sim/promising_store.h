@@ -104,6 +104,12 @@ class PromisingStore : public coordinator::JobStore {
     return status;
   }
   absl::Status ReleaseJob(uint64_t job_id) override { return store_->ReleaseJob(job_id); }
+  absl::Status AppendEvents(const std::vector<coordinator::JobEvent>& events) override {
+    return store_->AppendEvents(events);
+  }
+  absl::StatusOr<std::vector<coordinator::JobEvent>> LoadEvents(uint64_t job_id) override {
+    return store_->LoadEvents(job_id);
+  }
   absl::Status WriteDrains(const std::vector<coordinator::DrainRecord>& records) override {
     return store_->WriteDrains(records);
   }

@@ -74,6 +74,7 @@ struct JobSpec {
   std::vector<JobDependency> dependencies;
   std::map<int32_t, FrameApproval> approvals;  // By frame; empty: nothing waits for approval.
   Deadline deadline;
+  std::string command;  // That submitted it, for users; may be empty.
 };
 
 // Ids of pilots begin here, so that those of other jobs have no gaps.

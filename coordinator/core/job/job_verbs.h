@@ -13,23 +13,21 @@
 
 #include "coordinator/core/job/stop_rule.h"
 
-// The verbs with a method of JobService: VERB(call, word, arguments). A request has the type
-// v1::CALLRequest; its answer is the job.
-#define SHEAF_JOB_CALLS(VERB)                 \
+// VERB(call, word, arguments): a method of JobService, whose request has the type v1::CALLRequest
+// and whose answer is the job.
+#define SHEAF_JOB_VERBS(VERB)                 \
   VERB(CancelJob, "cancel", kNone)            \
   VERB(PauseJob, "pause", kNone)              \
   VERB(ResumeJob, "resume", kNone)            \
   VERB(PinJob, "pin", kNone)                  \
   VERB(UnpinJob, "unpin", kNone)              \
+  VERB(DeleteJob, "delete", kNone)            \
   VERB(SetJobPriority, "priority", kPriority) \
   VERB(RetryTasks, "retry", kTasks)           \
   VERB(KillTasks, "kill", kTasksOfFrame)      \
   VERB(ReleaseJob, "release", kNone)          \
   VERB(ApproveFrames, "approve", kFrames)     \
   VERB(RefineJob, "refine", kRefinement)
-
-// All verbs; DeleteJob has no method.
-#define SHEAF_JOB_VERBS(VERB) SHEAF_JOB_CALLS(VERB) VERB(DeleteJob, "delete", kNone)
 
 namespace sheaf::coordinator {
 

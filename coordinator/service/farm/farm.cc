@@ -79,8 +79,9 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       disk_(&signals_, &reserve_),
       removals_(store_.get(), &disk_),
       resumed_(blobs_.get(), NumericProfile()),
-      job_context_{options,          NumericProfile(), tables_, *store_, removals_,
-                   *round_previews_, resumed_,         queue_,  disk_,   signals_},
+      journal_(store_.get()),
+      job_context_{options,  NumericProfile(), tables_, *store_,  removals_, *round_previews_,
+                   resumed_, queue_,           disk_,   signals_, journal_},
       lifecycle_(job_context_),
       drains_(options.limits, {tables_, *store_, disk_, signals_}),
       tiles_(&tables_, store_.get(), &resumed_, &removals_),
@@ -95,7 +96,7 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       keeper_(options, {tables_, *store_, *blobs_, *round_previews_, lifecycle_, reserve_}),
       previews_(&tables_, store_.get(), round_previews_.get(), &images_),
       job_views_(options.state_directory, &tables_, round_previews_.get(), &disk_),
-      worker_views_(&tables_, blobs_.get()),
+      worker_views_(&tables_, blobs_.get(), &journal_),
       task_reports_(&tables_, store_.get()),
       pricing_(&tables_, store_.get()),
       metrics_(options.state_directory, &tables_, store_.get(), &images_, &disk_) {
@@ -111,6 +112,7 @@ Farm::~Farm() {
   if (scrubbing_.joinable()) scrubbing_.join();
   if (background_.joinable()) background_.join();
   lifecycle_.SaveFailures();
+  journal_.Write();
   WriteUsage();
 }
 
@@ -136,6 +138,7 @@ void Farm::RunOnce() {
     next_usage_write_ = now + kUsageWriteInterval;
     WriteUsage();
   }
+  if (disk_fine) journal_.Write();
   drains_.ForgetOld();
   keeper_.Update();
   lost_scenes_.Update();
@@ -146,14 +149,30 @@ absl::Status Farm::ChangeJob(JobVerb verb, uint64_t job_id, const JobArguments& 
   // These continue frames, whose tasks must not change meanwhile.
   std::optional<ResultIntake::Pause> pause;
   if (verb == JobVerb::kRetryTasks || verb == JobVerb::kApproveFrames) pause.emplace(&intake_);
+  absl::Status changed = absl::InternalError("unknown verb");
   switch (verb) {
-#define SHEAF_VERB(call, word, takes) \
-  case JobVerb::k##call:              \
-    return lifecycle_.call(job_id, arguments);
+#define SHEAF_VERB(call, word, takes)             \
+  case JobVerb::k##call:                          \
+    changed = lifecycle_.call(job_id, arguments); \
+    break;
     SHEAF_JOB_VERBS(SHEAF_VERB)
 #undef SHEAF_VERB
   }
-  return absl::InternalError("unknown verb");
+  if (changed.ok()) NoteVerb(verb, job_id, arguments);
+  return changed;
+}
+
+void Farm::NoteVerb(JobVerb verb, uint64_t job_id, const JobArguments& arguments) {
+  JobEvent event{.job_id = job_id,
+                 .what = RowOf(verb).word,
+                 .who = arguments.user,
+                 .frame_number = arguments.frame};
+  if (arguments.task) event.text = absl::StrCat("task ", *arguments.task);
+  if (verb == JobVerb::kSetJobPriority) event.text = absl::StrCat(arguments.priority);
+  if (!arguments.frames.empty()) {
+    event.text = absl::StrCat(arguments.frames.size(), " frames from ", arguments.frames.front());
+  }
+  journal_.Note(std::move(event));
 }
 
 absl::Status Farm::ProbeDisk() {
@@ -212,15 +231,25 @@ void Farm::KeepProvenFailures(WorkerReport* report) {
 
 absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
   SynchronizeAnswer answer;
+  const std::string worker = absl::StrCat("workers/", report.worker_id);
   {
     const MutexLock lock(&tables_.mutex);
     KeepProvenFailures(&report);
+    const SteadyTime now = SteadyTime::Now();
     absl::StatusOr<Scheduler::SynchronizeAnswer> decided =
-        tables_.scheduler.Synchronize(report, SteadyTime::Now());
+        tables_.scheduler.Synchronize(report, now);
     tables_.NoteEndedJobs();
     if (!decided.ok()) return decided.status();
+    std::set<FrameId> begun;
     for (Lease& lease : decided->leases) {
-      FrameSpec frame = tables_.scheduler.FindFrame(lease.frame)->Spec();
+      const FrameRecord& record = *tables_.scheduler.FindFrame(lease.frame);
+      if (record.first_lease_time == now && begun.insert(lease.frame).second) {
+        journal_.Note({.job_id = lease.frame.job_id,
+                       .what = "started",
+                       .who = worker,
+                       .frame_number = lease.frame.frame_number});
+      }
+      FrameSpec frame = record.Spec();
       answer.leases.push_back(
           {std::move(lease), frame.frame_digest, frame.scene, frame.settings, /*token=*/""});
     }

@@ -54,6 +54,7 @@
 #include "coordinator/service/farm/state/farm_options.h"
 #include "coordinator/service/farm/state/farm_signals.h"
 #include "coordinator/service/farm/state/farm_tables.h"
+#include "coordinator/service/farm/state/job_journal.h"
 #include "coordinator/service/farm/state/part_removals.h"
 #include "coordinator/service/farm/state/resumed_frames.h"
 #include "coordinator/service/farm/upkeep/disk_keeper.h"
@@ -226,6 +227,9 @@ class Farm : public FarmView {
   absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override {
     return worker_views_.ListFailures(job_id);
   }
+  absl::StatusOr<std::vector<JobEvent>> ListEvents(const std::string& job_id) const override {
+    return worker_views_.ListEvents(job_id);
+  }
   absl::StatusOr<RefinementPrices> PriceRefinement(
       const std::string& job_id, const std::vector<double>& target_errors) const override {
     return pricing_.Price(job_id, target_errors);
@@ -270,6 +274,8 @@ class Farm : public FarmView {
   void RemoveFalseResults();
   // Writes pending accounts; logs errors.
   void WriteUsage();
+  // Adds what a user did to the job's events.
+  void NoteVerb(JobVerb verb, uint64_t job_id, const JobArguments& arguments);
   // Removes failures without proof that the lease was the sender's.
   void KeepProvenFailures(WorkerReport* report) ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
 
@@ -287,6 +293,7 @@ class Farm : public FarmView {
   PartRemovals removals_;
   DeliveryQueue queue_;
   ResumedFrames resumed_;
+  JobJournal journal_;
   JobContext job_context_;
   JobLifecycle lifecycle_;
   WorkerDrains drains_;

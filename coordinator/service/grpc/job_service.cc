@@ -171,7 +171,7 @@ absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context
   farm_->NotePilotRequest(number);
   absl::Status changed = farm_->ChangeJob(verb, number, arguments);
   if (!changed.ok()) return changed;
-  return farm_->FindJobAlone(*id);
+  return verb == JobVerb::kDeleteJob ? view : farm_->FindJobAlone(*id);
 }
 
 grpc::Status JobService::Change(const grpc::ServerContext& context, JobVerb verb,
@@ -183,6 +183,17 @@ grpc::Status JobService::Change(const grpc::ServerContext& context, JobVerb verb
   NoteInAudit(context, access_, RowOf(verb).name, name + PartName(*arguments), view.status());
   if (!view.ok()) return ToGrpcStatus(view.status());
   *response = ToWire(*view);
+  return grpc::Status::OK;
+}
+
+grpc::Status JobService::ListJobEvents(grpc::ServerContext* /*context*/,
+                                       const v1::ListJobEventsRequest* request,
+                                       v1::ListJobEventsResponse* response) {
+  const absl::StatusOr<std::string> id = ParseJobName(request->name());
+  if (!id.ok()) return ToGrpcStatus(id.status());
+  const absl::StatusOr<std::vector<JobEvent>> events = farm_->ListEvents(*id);
+  if (!events.ok()) return ToGrpcStatus(events.status());
+  for (const JobEvent& event : *events) *response->add_events() = ToWire(event);
   return grpc::Status::OK;
 }
 

@@ -46,8 +46,10 @@ class JobService final : public v1::JobService::Service {
                     v1::Job* response) override {                                                \
     return Change(*context, JobVerb::k##call, request->name(), ArgumentsOf(*request), response); \
   }
-  SHEAF_JOB_CALLS(SHEAF_VERB)
+  SHEAF_JOB_VERBS(SHEAF_VERB)
 #undef SHEAF_VERB
+  grpc::Status ListJobEvents(grpc::ServerContext* context, const v1::ListJobEventsRequest* request,
+                             v1::ListJobEventsResponse* response) override;
   grpc::Status CollectGarbage(grpc::ServerContext* context,
                               const v1::CollectGarbageRequest* request,
                               v1::CollectGarbageResponse* response) override;

@@ -136,6 +136,10 @@ absl::StatusOr<JobSpec> FromWire(const v1::CreateJobRequest& request) {
   JobSpec spec;
   spec.pilot = request.pilot();
   spec.title = request.title();
+  if (request.command().size() > kCommandBytesMax) {
+    return Invalid("command", absl::StrCat("has more than ", kCommandBytesMax, " bytes"));
+  }
+  spec.command = Printable(request.command(), kCommandBytesMax);
   spec.priority = request.priority();
   if (status = ReadSharing(request, &spec); !status.ok()) return status;
   spec.partition = FromWire(request.partition());

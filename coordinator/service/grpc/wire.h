@@ -18,6 +18,7 @@ namespace sheaf::coordinator {
 
 // Limits of requests.
 inline constexpr size_t kTitleBytesMax = 1000;
+inline constexpr size_t kCommandBytesMax = 4000;
 inline constexpr size_t kRequestIdBytesMax = 100;
 inline constexpr size_t kWorkerTextBytesMax = 300;
 inline constexpr size_t kFailureTextBytesMax = 10'000;

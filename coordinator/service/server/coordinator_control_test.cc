@@ -179,6 +179,41 @@ TEST_F(CoordinatorServerTest, AbandonedPilotsAreCancelled) {
   EXPECT_EQ(Get(job).state(), v1::Job::STATE_QUEUED);
 }
 
+TEST_F(CoordinatorServerTest, JobsHaveALogUntilTheyAreDeleted) {
+  Start();
+  v1::CreateJobRequest request = Request(64);
+  request.set_command("sheaf submit a.pbrt");
+  const std::string name = Create(request).name();
+  EXPECT_EQ(Get(name).command(), "sheaf submit a.pbrt");
+  const auto remove = [&](v1::Job* job) {
+    grpc::ClientContext context;
+    v1::DeleteJobRequest deletion;
+    deletion.set_name(name);
+    return jobs_->DeleteJob(&context, deletion, job);
+  };
+  v1::Job job;
+  const grpc::Status refused = remove(&job);
+  EXPECT_EQ(refused.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_NE(refused.error_message().find("cancel it first"), std::string::npos);
+  Control<v1::PauseJobRequest>(&v1::JobService::Stub::PauseJob, name);
+  Control<v1::CancelJobRequest>(&v1::JobService::Stub::CancelJob, name);
+  grpc::ClientContext context;
+  v1::ListJobEventsRequest asked;
+  asked.set_name(name);
+  v1::ListJobEventsResponse log;
+  ASSERT_TRUE(jobs_->ListJobEvents(&context, asked, &log).ok());
+  std::vector<std::string> words;
+  for (const v1::JobEvent& event : log.events()) words.push_back(event.what());
+  // The end is noted before the call that caused it returns.
+  EXPECT_EQ(words, (std::vector<std::string>{"submit", "pause", "cancelled", "cancel"}));
+  EXPECT_EQ(log.events(1).who(), kLocalOwner);
+  ASSERT_TRUE(remove(&job).ok());
+  EXPECT_EQ(job.state(), v1::Job::STATE_CANCELLED);
+  EXPECT_EQ(remove(&job).error_code(), grpc::StatusCode::NOT_FOUND);
+  grpc::ClientContext again;
+  EXPECT_EQ(jobs_->ListJobEvents(&again, asked, &log).error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
 TEST_F(CoordinatorServerTest, PausedJobsCanBeCancelledButNotRefined) {
   Start();
   const std::string name = Create(Request(64)).name();

@@ -145,6 +145,8 @@ class FarmView {
   // The last failures of a job, newest first. Errors: kNotFound.
   virtual absl::StatusOr<std::vector<FailureView>> ListFailures(
       const std::string& job_id) const = 0;
+  // The events of a job, oldest first. Errors: kNotFound; those of the store.
+  virtual absl::StatusOr<std::vector<JobEvent>> ListEvents(const std::string& job_id) const = 0;
   // Estimates the cost of refining a job until its frames reach each of these errors. Takes up to
   // some tenths of a second. Errors: kNotFound; kFailedPrecondition (the job has not succeeded);
   // kInvalidArgument (no target, more than kPricedTargetsMax, or one out of range).

@@ -15,6 +15,7 @@
 #include "common/film/error/rare_layers.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job/job.h"
+#include "coordinator/core/job/job_event.h"
 #include "coordinator/service/view/view_field.h"
 
 namespace sheaf::coordinator {
@@ -259,6 +260,7 @@ struct JobView {
   std::optional<Estimate> deadline_cpu_seconds;  // CPU time by the job's quote.
   bool held = false;  // Nothing of it may be leased: it is paused, or waits for jobs or users.
   std::vector<EffectCost> effect_costs;  // Empty unless measured, and in ListJobs.
+  std::string command;                   // That submitted it; empty in ListJobs.
   ProgressView progress;                 // Sums over the frames.
   // The frame with most activity: the first one that is started but not complete, or else the last
   // complete one. None while no frame has an image.
@@ -310,11 +312,22 @@ void VisitFields(View& job, const Visitor& visit) {
                   .shown = kOnlyMessages},
         job.deadline_cpu_seconds);
   visit(ViewField{"held"}, job.held);
+  visit(ViewField{"command"}, job.command);
   visit(ViewField{.name = "preview_frame", .shown = kOnlyHttp}, job.preview_frame);
   visit(ViewField{"progress"}, job.progress);
 }
 // Updates job->preview_frame. Call for all frames in ascending order.
 void NotePreviewFrame(const FrameView& frame, JobView* job);
+
+inline const char* ViewName(const JobEvent&) { return "JobEvent"; }
+template <MaybeConst<JobEvent> View, typename Visitor>
+void VisitFields(View& event, const Visitor& visit) {
+  visit(ViewField{"time"}, event.time);
+  visit(ViewField{"what"}, event.what);
+  visit(ViewField{"who"}, event.who);
+  visit(ViewField{"frame_number"}, event.frame_number);
+  visit(ViewField{"text"}, event.text);
+}
 
 // A failed lease of a job.
 struct FailureView {

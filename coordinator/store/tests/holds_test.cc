@@ -57,6 +57,33 @@ TEST_P(HoldsTest, DependenciesStayUntilTheyAreReleased) {
   EXPECT_FALSE(Job(fourth).spec.dependencies[0].released);
 }
 
+TEST_P(HoldsTest, EventsStayInOrderAndTheOldestGo) {
+  JobSpec spec = SpecOf({});
+  spec.command = "sheaf submit a.pbrt";
+  const uint64_t first = Create(spec, "a"), second = Create(SpecOf({}), "b");
+  std::vector<JobEvent> events;
+  for (int64_t i = 0; i < kJobEventsMax + 2; ++i) {
+    events.push_back({first, absl::FromUnixSeconds(200 + i), "started", "workers/w", 7, "x"});
+  }
+  events.push_back({second, absl::FromUnixSeconds(5), "pause", "anna"});
+  events.push_back({99, absl::FromUnixSeconds(6), "pause", "anna"});  // No such job.
+  ASSERT_TRUE(store_->AppendEvents(events).ok());
+  Reopen();
+  EXPECT_EQ(Job(first).spec.command, "sheaf submit a.pbrt");
+  const std::vector<JobEvent> kept = *store_->LoadEvents(first);
+  ASSERT_EQ(kept.size(), static_cast<size_t>(kJobEventsMax));
+  EXPECT_EQ(kept.front(), events[2]);
+  EXPECT_EQ(kept.back(), events[kJobEventsMax + 1]);
+  EXPECT_EQ(*store_->LoadEvents(second), std::vector<JobEvent>{events[kJobEventsMax + 2]});
+  EXPECT_THAT(*store_->LoadEvents(99), IsEmpty());
+  ASSERT_TRUE(store_
+                  ->EndJob(second, JobPhase::kCancelled, "", absl::FromUnixSeconds(300),
+                           absl::ZeroDuration())
+                  .ok());
+  ASSERT_TRUE(store_->RemoveJob(second).ok());
+  EXPECT_THAT(*store_->LoadEvents(second), IsEmpty());
+}
+
 TEST_P(HoldsTest, RemovedJobsAreRemembered) {
   const uint64_t first = Create(SpecOf({}), "a"), second = Create(SpecOf({{first}}), "b");
   ASSERT_TRUE(store_->EndJob(first, JobPhase::kSucceeded, "", absl::FromUnixSeconds(200), {}).ok());

@@ -54,6 +54,11 @@ CREATE TABLE frames(
   eye_convergence REAL NOT NULL DEFAULT 0, certified INTEGER NOT NULL DEFAULT 0,
   PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
 
+CREATE TABLE job_events(
+  job_id INTEGER NOT NULL, position INTEGER NOT NULL, time_ns INTEGER NOT NULL, what TEXT NOT NULL,
+  who TEXT NOT NULL, of_frame INTEGER NOT NULL, frame_number INTEGER NOT NULL, text TEXT NOT NULL,
+  PRIMARY KEY(job_id, position)) WITHOUT ROWID;
+
 CREATE TABLE jobs(
   job_id INTEGER PRIMARY KEY AUTOINCREMENT, request_id TEXT NOT NULL UNIQUE, title TEXT NOT NULL,
   priority INTEGER NOT NULL, numeric_profile TEXT NOT NULL, tile_size_px INTEGER NOT NULL,
@@ -69,7 +74,7 @@ CREATE TABLE jobs(
   memory_min_bytes INTEGER NOT NULL DEFAULT 0, memory_expected_bytes INTEGER NOT NULL DEFAULT 0,
   deadline_ns INTEGER NOT NULL DEFAULT 9223372036854775807,
   quoted_cpu_seconds REAL NOT NULL DEFAULT 0, quoted_cpu_seconds_low REAL NOT NULL DEFAULT 0,
-  quoted_cpu_seconds_high REAL NOT NULL DEFAULT 0);
+  quoted_cpu_seconds_high REAL NOT NULL DEFAULT 0, command TEXT NOT NULL DEFAULT '');
 
 CREATE TABLE meta(key TEXT PRIMARY KEY, value INTEGER NOT NULL) WITHOUT ROWID;
 

@@ -26,6 +26,7 @@ class FakeFarm : public FarmView {
   std::vector<WorkerView> workers;
   std::vector<MetricView> metrics;
   std::vector<FailureView> failures;  // Returned for every job.
+  std::vector<JobEvent> events;       // The same.
   RefinementPrices prices;            // Returned for every job, with the targets of the call.
   absl::Status ready;
   PreviewView preview;        // The same for every frame.
@@ -63,6 +64,11 @@ class FakeFarm : public FarmView {
     if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
     const MutexLock lock(&mutex_);
     return failures;
+  }
+  absl::StatusOr<std::vector<JobEvent>> ListEvents(const std::string& job_id) const override {
+    if (absl::Status found = FindJob(job_id).status(); !found.ok()) return found;
+    const MutexLock lock(&mutex_);
+    return events;
   }
   absl::StatusOr<RefinementPrices> PriceRefinement(
       const std::string& job_id, const std::vector<double>& target_errors) const override {

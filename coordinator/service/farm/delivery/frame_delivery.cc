@@ -166,6 +166,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
   }
   LogInfo(absl::StrCat("job ", id.job_id, ": frame ", id.frame_number, " is delivered, image ",
                        delivered.image_digest.substr(0, 12)));
+  ends_.NoteDelivered(id, delivered);
   ends_.LimitKeptParts();
   ends_.SettleEnded();
   signals_.Changed();

@@ -13,6 +13,7 @@
 #include "coordinator/service/farm/state/farm_options.h"
 #include "coordinator/service/farm/state/farm_signals.h"
 #include "coordinator/service/farm/state/farm_tables.h"
+#include "coordinator/service/farm/state/job_journal.h"
 #include "coordinator/service/farm/state/part_removals.h"
 #include "coordinator/service/farm/state/resumed_frames.h"
 #include "coordinator/store/job_store.h"
@@ -32,6 +33,7 @@ struct JobContext {
   DeliveryQueue& queue;
   DiskState& disk;
   FarmSignals& signals;
+  JobJournal& journal;
   // Held by one call at a time that stores the ends of jobs, reopens or pauses a job, or removes
   // its stored data. Taken before the tables' mutex.
   Mutex settle_mutex{};

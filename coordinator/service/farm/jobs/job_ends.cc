@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <map>
 #include <optional>
 #include <string>
@@ -11,10 +12,17 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "common/base/log.h"
 
 namespace sheaf::coordinator {
 namespace {
+
+// The event of a job's end.
+const char* WordOfEnd(JobPhase phase) {
+  if (phase == JobPhase::kSucceeded) return "succeeded";
+  return phase == JobPhase::kFailed ? "failed" : "cancelled";
+}
 
 void SaveNewFailures(JobContext& context) ABSL_EXCLUSIVE_LOCKS_REQUIRED(context.settle_mutex) {
   SaveNewTroubles(context).IgnoreError();  // The disk's state is noted.
@@ -90,6 +98,19 @@ void SaveNewQuarantines(JobContext& context) {
   }
 }
 
+void JobEnds::NoteDelivered(const FrameId& id, const DeliveredFrame& delivered) {
+  std::string text = absl::StrFormat("%.3g s of CPU time, image %s",
+                                     absl::ToDoubleSeconds(delivered.cost.cpu_duration),
+                                     delivered.image_digest.substr(0, 12));
+  if (delivered.relative_mse > 0) {
+    text = absl::StrFormat("error %.2g %%, %s", 100 * std::sqrt(delivered.relative_mse), text);
+  }
+  context_.journal.Note({.job_id = id.job_id,
+                         .what = "delivered",
+                         .frame_number = id.frame_number,
+                         .text = std::move(text)});
+}
+
 bool JobEnds::Tick() {
   const MutexLock lock(&context_.tables.mutex);
   const bool changed = context_.tables.scheduler.Tick(SteadyTime::Now());
@@ -142,6 +163,8 @@ void JobEnds::SettleEnded() {
       LogInfo(absl::StrCat("job ", job.job_id,
                            job.phase == JobPhase::kSucceeded ? " succeeded" : " was cancelled"));
     }
+    context_.journal.Note(
+        {.job_id = job.job_id, .what = WordOfEnd(job.phase), .text = job.failure});
     // A failed job keeps its parts for another try (LimitKeptParts).
     const bool keeps_parts = job.phase == JobPhase::kFailed && !IsPilot(job.job_id);
     for (const FrameId& frame : job.frames) {

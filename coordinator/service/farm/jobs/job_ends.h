@@ -26,6 +26,8 @@ class JobEnds {
   void SettleEnded() ABSL_LOCKS_EXCLUDED(context_.settle_mutex);
   // Stores new failures and quarantines. The next call retries writes that the disk refused.
   void SaveFailures() ABSL_LOCKS_EXCLUDED(context_.settle_mutex);
+  // Adds the delivery to the job's events.
+  void NoteDelivered(const FrameId& id, const DeliveredFrame& delivered);
   // Replaces the job's warning about its images. Errors: those of the store.
   absl::Status SetWarning(uint64_t job_id, const std::string& text);
   // Removes parts of delivered frames, the oldest first, while there are more than the limit.

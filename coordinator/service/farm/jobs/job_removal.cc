@@ -17,11 +17,17 @@ absl::Status JobRemoval::RequireUnused(uint64_t job_id) const {
   const bool is_unsettled =
       std::find(context_.tables.unsettled_jobs.begin(), context_.tables.unsettled_jobs.end(),
                 job_id) != context_.tables.unsettled_jobs.end();
-  const bool is_kept =
-      context_.tables.accounts.at(job_id).pinned || context_.tables.scheduler.IsAwaited(job_id);
-  if ((*job)->phase != JobPhase::kLive && !is_unsettled && !is_kept) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      absl::StrCat("jobs/", job_id, " is pinned, has not ended, or another job waits for it"));
+  std::string why;
+  if ((*job)->phase == JobPhase::kLive || is_unsettled) {
+    why = "has not ended; cancel it first";
+  } else if (context_.tables.accounts.at(job_id).pinned) {
+    why = "is pinned; unpin it first";
+  } else if (context_.tables.scheduler.IsAwaited(job_id)) {
+    why = "is awaited by another job; release or cancel that one first";
+  } else {
+    return absl::OkStatus();
+  }
+  return absl::FailedPreconditionError(absl::StrCat("jobs/", job_id, ": ", why));
 }
 
 absl::Status JobRemoval::RemoveParts(uint64_t job_id, absl::Time now) {

@@ -197,7 +197,10 @@ JobView JobViews::ViewOf(const JobRecord& job, bool with_frames, FrameMarks* mar
   }
   view.frame_count = static_cast<int32_t>(job.frames.size());
   view.frame_complete_count = job.delivered_count;
-  if (with_frames) view.effect_costs = job.spec.effect_costs;
+  if (with_frames) {
+    view.effect_costs = job.spec.effect_costs;
+    view.command = job.spec.command;
+  }
   if (marks != nullptr) marks->resize(job.frames.size());
   for (size_t i = 0; i < job.frames.size(); ++i) {
     const FrameRecord& frame = job.frames[i];

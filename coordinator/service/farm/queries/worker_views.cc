@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "coordinator/core/job/render_command.h"
+#include "coordinator/service/view/enum_name.h"
 
 namespace sheaf::coordinator {
 
@@ -104,6 +105,31 @@ absl::StatusOr<std::vector<FailureView>> WorkerViews::ListFailures(
     views.push_back({std::move(one.failure), std::move(command)});
   }
   return views;
+}
+
+absl::StatusOr<std::vector<JobEvent>> WorkerViews::ListEvents(const std::string& job_id) const {
+  uint64_t id = 0;
+  const bool is_number = absl::SimpleAtoi(job_id, &id);
+  std::vector<JobEvent> events(1);
+  {
+    const MutexLock lock(&tables_.mutex);
+    const absl::StatusOr<const JobRecord*> job = tables_.FindJob(is_number ? id : 0);
+    if (!job.ok()) return job.status();
+    events[0] = {id, tables_.accounts.at(id).create_time, "submit", (*job)->spec.owner};
+    for (const FailureRecord& failure : (*job)->failures.last) {
+      const PixelRect& tile = failure.tile;
+      events.push_back({id, failure.time, "failure", absl::StrCat("workers/", failure.worker_id),
+                        failure.frame_number,
+                        absl::StrCat("tile ", tile.x0, ",", tile.y0, ",", tile.x1, ",", tile.y1,
+                                     ", ", EnumName(failure.kind), ": ", failure.message)});
+    }
+  }
+  absl::StatusOr<std::vector<JobEvent>> noted = journal_.Read(id);
+  if (!noted.ok()) return noted.status();
+  events.insert(events.end(), noted->begin(), noted->end());
+  std::stable_sort(events.begin() + 1, events.end(),
+                   [](const JobEvent& a, const JobEvent& b) { return a.time < b.time; });
+  return events;
 }
 
 }  // namespace sheaf::coordinator

@@ -80,6 +80,12 @@ class GatedJobStore : public JobStore {
     return full_ ? Full() : store_->ChangeJob(job_id, change);
   }
   absl::Status ReleaseJob(uint64_t job_id) override { return store_->ReleaseJob(job_id); }
+  absl::Status AppendEvents(const std::vector<JobEvent>& events) override {
+    return store_->AppendEvents(events);
+  }
+  absl::StatusOr<std::vector<JobEvent>> LoadEvents(uint64_t job_id) override {
+    return store_->LoadEvents(job_id);
+  }
   absl::Status WriteDrains(const std::vector<DrainRecord>& records) override {
     return store_->WriteDrains(records);
   }

@@ -172,6 +172,7 @@ std::vector<HttpRoute> HttpApi::Routes() {
       {"GET", "/api/v1/jobs", [this](const Request& r) { return ListJobs(r); }},
       {"GET", job, [this](const Request& r) { return GetJob(r); }},
       {"GET", job + "/failures", [this](const Request& r) { return ListFailures(r); }},
+      {"GET", job + "/log", [this](const Request& r) { return ListEvents(r); }},
       {"POST", "/api/v1/gc", [this](const Request& r) { return CollectGarbage(r); }},
       {"GET", job + "/refine-price", [this](const Request& r) { return GetRefinePrice(r); }},
       {"GET", frame, [this](const Request& r) { return GetFrame(r); }},
@@ -248,6 +249,14 @@ HttpResponse HttpApi::ListFailures(const HttpRequest& request) const {
   std::vector<std::string> list;
   for (const FailureView& failure : *failures) list.push_back(FailureJson(job_id, failure));
   return JsonResponse(ListJson("failures", list, ""));
+}
+
+HttpResponse HttpApi::ListEvents(const HttpRequest& request) const {
+  const absl::StatusOr<std::vector<JobEvent>> events = farm_.ListEvents(request.path_parameters[0]);
+  if (!events.ok()) return HttpErrorFromStatus(events.status());
+  std::vector<std::string> list;
+  for (const JobEvent& event : *events) list.push_back(EventJson(event));
+  return JsonResponse(ListJson("events", list, ""));
 }
 
 HttpResponse HttpApi::CollectGarbage(const HttpRequest& request) const {

@@ -150,6 +150,7 @@ class HttpApi {
   HttpResponse ListJobs(const HttpRequest& request) const;
   HttpResponse GetJob(const HttpRequest& request) const;
   HttpResponse ListFailures(const HttpRequest& request) const;
+  HttpResponse ListEvents(const HttpRequest& request) const;
   // Changes the job in the path, if the caller may, and responds with its new state.
   HttpResponse ChangeJob(const JobVerbRow& row, const HttpRequest& request) const;
   absl::Status TryChange(const JobVerbRow& row, const HttpRequest& request,

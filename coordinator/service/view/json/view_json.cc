@@ -155,6 +155,8 @@ std::string RemovalJson(const RemovalView& removal) {
   return Dump(ObjectOf(removal, JsonFields::kHttp));
 }
 
+std::string EventJson(const JobEvent& event) { return Dump(ObjectOf(event, JsonFields::kHttp)); }
+
 std::string FailureJson(const std::string& job_id, const FailureView& view) {
   Json json = {{"frame_name", FrameName(job_id, view.failure.frame_number)}};
   AddFields(view, JsonFields::kHttp, &json);

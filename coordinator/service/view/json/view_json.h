@@ -31,5 +31,6 @@ std::string RefinementPricesJson(const RefinementPrices& priced);
 std::string RemovalJson(const RemovalView& removal);
 // One of a job's failures.
 std::string FailureJson(const std::string& job_id, const FailureView& view);
+std::string EventJson(const JobEvent& event);
 
 }  // namespace sheaf::coordinator

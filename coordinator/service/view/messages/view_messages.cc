@@ -86,6 +86,7 @@ v1::PriceRefinementResponse ToWire(const RefinementPrices& priced) {
   return Written<v1::PriceRefinementResponse>(priced);
 }
 v1::Removal ToWire(const RemovalView& removal) { return Written<v1::Removal>(removal); }
+v1::JobEvent ToWire(const JobEvent& event) { return Written<v1::JobEvent>(event); }
 v1::RecordedFailure ToWire(const TaskFailureView& failure) {
   return Written<v1::RecordedFailure>(failure);
 }
@@ -114,6 +115,7 @@ JobView ViewOfMessage(const v1::Job& message) {
 }
 
 WorkerView ViewOfMessage(const v1::Worker& message) { return ReadFrom<WorkerView>(message); }
+JobEvent ViewOfMessage(const v1::JobEvent& message) { return ReadFrom<JobEvent>(message); }
 ShareView ViewOfMessage(const v1::Share& message) { return ReadFrom<ShareView>(message); }
 RefinementPrices ViewOfMessage(const v1::PriceRefinementResponse& message) {
   return ReadFrom<RefinementPrices>(message);
