@@ -4,6 +4,8 @@
 import numpy
 import OpenImageIO
 
+CHANNEL_MIN = 0.01  # The least mean that a channel is compared to, as a part of that of all three.
+
 
 def read(path):
     file = OpenImageIO.ImageInput.open(str(path))
@@ -41,7 +43,8 @@ def compare(folder, scene):
     output.open(str(folder / f"{scene}.png"), spec)
     output.write_image(numpy.ascontiguousarray(shown, numpy.float32))
     output.close()
-    return (means[1] / means[0] - 1).tolist()
+    least = CHANNEL_MIN * float(means[0].mean()) or 1.0  # A channel may be black.
+    return ((means[1] - means[0]) / numpy.maximum(means[0], least)).tolist()
 
 
 def curve(light):
