@@ -103,8 +103,11 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         exported = export_scene(depsgraph, path, content_folder(), self._settings(scene),
                                 lambda frame, subframe: self.frame_set(frame, subframe),
                                 ViewCamera(self, scene, view))
-        passes.left_out(scene, depsgraph.view_layer_eval, exported.report,
-                        ExportOnly.present is not None or exported.sky.kind == "spherical")
+        keeps_sky = ExportOnly.present is not None or exported.sky.kind == "spherical"
+        passes.left_out(scene, depsgraph.view_layer_eval, exported.report, keeps_sky)
+        if keeps_sky and exported.sky.background.seen is not None:
+            exported.report.approximated("world", "Is Camera Ray: the camera sees the world that "
+                                                  "lights the scene; F12 shows the other one")
         if ExportOnly.present is not None:
             _note_one_image(depsgraph.scene, depsgraph.view_layer_eval, view,
                             exported.report)
@@ -160,12 +163,21 @@ class SheafRenderEngine(bpy.types.RenderEngine):
                                         window) if exported.view_window else None)
         layers = images.read_layers(job.output)
         arrays = passes.arrays(layers, scene, view_layer, cosines)
-        if passes.hides_sky(scene, view_layer):
-            sky = exported.sky.radiance((settings.width, settings.height), window)
-            passes.take_out_sky(arrays["Combined"], layers.channels["A"], sky)
+        self._correct_sky(exported.sky, arrays["Combined"], layers.channels["A"],
+                          passes.hides_sky(scene, view_layer), settings)
         self._show(arrays, size, place)
         for field, value in passes.matte_metadata(layers.metadata, view_layer.name):
             self.get_result().stamp_data_add_field(field, value)
+
+    @staticmethod
+    def _correct_sky(sky, combined, alpha, is_hidden, settings):
+        """The image has the sky that lights the scene; the camera may see none, or another."""
+        size, seen = (settings.width, settings.height), sky.background.seen
+        if is_hidden:
+            passes.take_out_sky(combined, alpha, sky.radiance(size, settings.window))
+        elif seen is not None:
+            passes.replace_sky(combined, alpha, sky.radiance(size, settings.window),
+                               sky.radiance(size, settings.window, seen))
 
     def _add_passes(self, scene, view_layer):
         """Once for a layer: passes are added for all views."""

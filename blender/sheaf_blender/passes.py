@@ -92,6 +92,17 @@ def take_out_sky(combined, alpha, sky):
     numpy.maximum(combined[..., :3], 0, out=combined[..., :3])
 
 
+def replace_sky(combined, alpha, lit, seen):
+    """Puts the sky that the camera sees in place of that which lights the scene; see
+    take_out_sky.
+    """
+    if lit is None:
+        return
+    combined[..., :3] += (1 - alpha[..., None]) * (seen - lit)
+    combined[..., :3] = numpy.where(alpha[..., None] <= 0, seen, combined[..., :3])
+    numpy.maximum(combined[..., :3], 0, out=combined[..., :3])
+
+
 def left_out(scene, view_layer, report, keeps_sky):
     """Reports the passes that Sheaf does not have. keeps_sky: whether nothing takes a hidden sky
     out of the image.

@@ -287,5 +287,5 @@ _READERS = {
     "SEPRGB": NodeValues.separate, "COMBINE_COLOR": NodeValues.combine,
     "COMBRGB": NodeValues.combine, "MAP_RANGE": NodeValues.map_range, "CLAMP": NodeValues.clamp,
     "BLACKBODY": NodeValues.blackbody, "CURVE_RGB": NodeValues.rgb_curves,
-    "LIGHT_PATH": NodeValues.light_path,
+    "LIGHT_PATH": lambda reader, place, output: reader.light_path(place, output),
 }

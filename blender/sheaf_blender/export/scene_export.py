@@ -43,9 +43,9 @@ class Sky:
     window: tuple
     kind: str
 
-    def radiance(self, size, crop):
+    def radiance(self, size, crop, background=None):
         """(height, width, 3) at the centers of the pixels, rows from the top; None for panoramas.
-        crop: x0, x1, y0, y1 or ().
+        crop: x0, x1, y0, y1 or (). background: in place of that which lights the scene.
         """
         if self.kind == "spherical":
             return None
@@ -57,7 +57,8 @@ class Sky:
         if self.kind == "orthographic":
             x, y = 0 * x, 0 * y
         turn = numpy.array(self.world_from_camera.to_3x3())
-        return self.background.radiance(numpy.stack([x, y, 0 * x + 1], axis=-1) @ turn.T)
+        return (background or self.background).radiance(
+            numpy.stack([x, y, 0 * x + 1], axis=-1) @ turn.T)
 
 
 @dataclasses.dataclass

@@ -29,6 +29,7 @@ class Background:
     lookup: object = None      # A 4x4 matrix.
     projection: str = "EQUIRECTANGULAR"
     factor: float = 1.0
+    seen: object = None        # The Background that the camera sees, if it is another.
 
     def radiance(self, directions):
         """The radiance from directions (..., 3)."""
@@ -40,12 +41,12 @@ class Background:
 
 
 def write_world(text, scene, world, exposure, images, content, report):
-    """Writes the world; returns its Background."""
+    """Writes the world that lights the scene; returns its Background."""
     if world is None:
         return Background()
     item = f'world "{world.name}"'
     if not world.use_nodes or world.node_tree is None:
-        return _constant(text, tuple(exposure * c for c in world.color))
+        return _write(text, Background(tuple(exposure * c for c in world.color)), None, content)
     output = node_links.output_node(world.node_tree)
     if output is None:
         return Background()
@@ -56,29 +57,77 @@ def write_world(text, scene, world, exposure, images, content, report):
     surface = node_links.input_of(place, "Surface")
     if node_links.source(surface)[0] is None:
         return Background()
-    tried = Report()  # A tree that cannot be read without loss is rendered by Cycles.
-    reader = _WorldValues(item, tried, images)
-    value = reader.shader(surface)
-    if value is not None and all("pink" in entry.text for entry in tried.entries):
-        report.include(tried)
-        if values.is_constant(value):
-            return _constant(text, tuple(exposure * c for c in values.color(value)))
-        pixels = images.pixels(value) if isinstance(value, values.ImageValue) else None
-        if pixels is not None and reader.lookup is not None:
-            return _map(text, Background(BLACK, pixels, reader.lookup, reader.projection,
-                                         reader.strength * exposure), content)
-    if any(node.type == "LIGHT_PATH" for node in world.node_tree.nodes):
-        report.approximated(item, "Light Path: the world that the camera sees lights everything")
-    try:
-        pixels, square = world_bake.bake(world, scene)
-    except world_bake.BakeError as error:
-        report.include(tried)
-        report.left_out(item, f"its nodes, which cannot be rendered: {error}; the world is even")
-        mean = value if value is not None else (0.5, 0.5, 0.5)
-        gray = images.mean(mean) if not values.is_constant(mean) else mean
-        return _constant(text, tuple(exposure * c for c in values.color(gray)))
-    return _map(text, Background(BLACK, pixels, mathutils.Matrix.Identity(4), "EQUIRECTANGULAR",
-                                 exposure), content, square)
+    rays = light_path_outputs(world.node_tree)
+    is_told = "Is Camera Ray" in rays
+    others = sorted(rays - {"Is Camera Ray"})
+    if others:
+        report.approximated(item, f"Light Path > {', '.join(others)}: the value for rays that the "
+                                  "camera sends is used for all")
+    read = _Reading(item, surface, scene, world, exposure, images, report)
+    lit, square = read.background(not is_told)
+    written = _write(text, lit, square, content)
+    if is_told:
+        written = dataclasses.replace(written, seen=read.background(True)[0])
+    return written
+
+
+def light_path_outputs(tree):
+    """The names of the outputs of Light Path nodes that are linked, here or in a group."""
+    found = {link.from_socket.name for link in tree.links if link.from_node.type == "LIGHT_PATH"}
+    for node in tree.nodes:
+        if node.type == "GROUP" and node.node_tree:
+            found |= light_path_outputs(node.node_tree)
+    return found
+
+
+@dataclasses.dataclass
+class _Reading:
+    item: str
+    surface: node_links.Input
+    scene: object
+    world: object
+    exposure: float
+    images: object
+    report: Report
+
+    def background(self, is_for_camera):
+        """(Background, the equal-area map if there is one already), as camera rays or as all other
+        rays see it.
+        """
+        tried = Report()  # A tree that cannot be read without loss is rendered by Cycles.
+        reader = _WorldValues(self.item, tried, self.images, is_for_camera)
+        value = reader.shader(self.surface)
+        if value is not None and all("pink" in entry.text for entry in tried.entries):
+            self.report.include(tried)
+            if values.is_constant(value):
+                return self._even(value), None
+            pixels = (self.images.pixels(value) if isinstance(value, values.ImageValue)
+                      else None)
+            if pixels is not None and reader.lookup is not None:
+                return Background(BLACK, pixels, reader.lookup, reader.projection,
+                                  reader.strength * self.exposure), None
+        try:
+            pixels, square = world_bake.bake(self.world, self.scene, is_for_camera)
+        except world_bake.BakeError as error:
+            self.report.include(tried)
+            self.report.left_out(self.item, f"its nodes, which cannot be rendered: {error}; the "
+                                            "world is even")
+            mean = value if value is not None else (0.5, 0.5, 0.5)
+            if not values.is_constant(mean):
+                mean = self.images.mean(mean)
+            return self._even(mean), None
+        return Background(BLACK, pixels, mathutils.Matrix.Identity(4), "EQUIRECTANGULAR",
+                          self.exposure), square
+
+    def _even(self, color):
+        return Background(tuple(max(0.0, self.exposure * c) for c in values.color(color)))
+
+
+def _write(text, background, square, content):
+    """Writes the light; returns the Background."""
+    if background.pixels is not None:
+        return _map(text, background, content, square)
+    return _constant(text, background.color)
 
 
 def _constant(text, radiance):
@@ -120,11 +169,13 @@ def _map(text, background, content, square=None):
 
 class _WorldValues(NodeValues):
     """Reads the shaders and the environment textures of a world. lookup: the matrix from
-    directions to those of the one environment that is read.
+    directions to those of the one environment that is read. is_for_camera: whether Is Camera Ray
+    is true.
     """
 
-    def __init__(self, item, report, images):
+    def __init__(self, item, report, images, is_for_camera=True):
         super().__init__(item, report, images)
+        self._is_for_camera = is_for_camera
         self.lookup, self.projection, self.strength = None, "EQUIRECTANGULAR", 1.0
         self._environment = None
         self._shaders = node_links.Memory(report, item)
@@ -165,6 +216,9 @@ class _WorldValues(NodeValues):
             first, second = (values.apply(value, "multiply", *(weight,) * 3)
                              for value, weight in ((first, 1 - factor), (second, factor)))
         return _sum(first, second)
+
+    def light_path(self, place, output):
+        return float(self._is_for_camera and output.name == "Is Camera Ray")
 
     def read_other(self, place, output):
         if place.node.type != "TEX_ENVIRONMENT":

@@ -28,21 +28,21 @@ class BakeError(Exception):
     """Why there is no map, in one line."""
 
 
-def bake(world, scene):
+def bake(world, scene, is_for_camera=True):
     """(pixels, square): (height, width, 3) float32, rows from the bottom, and the equal-area square
-    of them. Raises BakeError.
+    of them. is_for_camera: whether Is Camera Ray of Light Path nodes is true. Raises BakeError.
     """
-    key = _fingerprint(world.node_tree)
+    key = _fingerprint(world.node_tree), is_for_camera
     if key not in _kept:
         while len(_kept) >= KEPT_MAPS_MAX:
             del _kept[next(iter(_kept))]
-        pixels = _rendered(world, scene)
+        pixels = _rendered(world, scene, is_for_camera)
         _kept[key] = pixels, sphere_map.equal_area_from_equirectangular(
             numpy.maximum(pixels, 0), EDGE_TEXELS)
     return _kept[key]
 
 
-def _rendered(world, scene):
+def _rendered(world, scene, is_for_camera):
     with tempfile.TemporaryDirectory(prefix="sheaf-world-") as folder:
         file, image = os.path.join(folder, "world.blend"), os.path.join(folder, "world.exr")
         try:
@@ -52,9 +52,9 @@ def _rendered(world, scene):
             done = subprocess.run(
                 [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "3",
                  "--python", str(_SCRIPT), "--", file, image, str(frame), str(WIDTH_PX),
-                 str(HEIGHT_PX), str(SAMPLES)], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT, text=True, errors="replace", timeout=SECONDS_MAX,
-                check=False)
+                 str(HEIGHT_PX), str(SAMPLES), str(int(is_for_camera))],
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                text=True, errors="replace", timeout=SECONDS_MAX, check=False)
         except (OSError, RuntimeError, subprocess.TimeoutExpired) as error:
             raise BakeError(str(error)) from error
         if done.returncode != 0 or not os.path.exists(image):

@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs in a Blender of its own: renders a world by Cycles, all directions at once.
 
-blender -b --factory-startup --python world_bake_script.py -- FILE OUTPUT FRAME WIDTH HEIGHT SAMPLES
+blender -b --factory-startup --python world_bake_script.py -- \
+    FILE OUTPUT FRAME WIDTH HEIGHT SAMPLES IS_FOR_CAMERA
 """
 import math
 import sys
@@ -10,9 +11,20 @@ import sys
 import bpy
 
 
+def unlink_camera_rays(tree):
+    """Is Camera Ray becomes 0."""
+    for link in list(tree.links):
+        if link.from_node.type == "LIGHT_PATH" and link.from_socket.name == "Is Camera Ray":
+            wanted = link.to_socket
+            tree.links.remove(link)
+            never = tree.nodes.new("ShaderNodeValue")
+            never.outputs[0].default_value = 0.0
+            tree.links.new(never.outputs[0], wanted)
+
+
 def main():
     file, output, frame, *numbers = sys.argv[sys.argv.index("--") + 1:]
-    width, height, samples = map(int, numbers)
+    width, height, samples, is_for_camera = map(int, numbers)
     with bpy.data.libraries.load(file) as (found, loaded):
         loaded.worlds = found.worlds
     bpy.ops.preferences.addon_enable(module="cycles")
@@ -21,6 +33,9 @@ def main():
         if each.name in scene.collection.all_objects:
             bpy.data.objects.remove(each)
     scene.world = loaded.worlds[0]
+    if not is_for_camera:
+        for tree in [scene.world.node_tree, *bpy.data.node_groups]:
+            unlink_camera_rays(tree)
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     camera.rotation_euler = (math.pi / 2, 0, -math.pi / 2)  # It looks along x.

@@ -310,6 +310,14 @@ def test_worlds_are_read_or_rendered():
         case.has('"infinite" "string filename"', 1)
 
 
+def test_worlds_light_as_other_rays_see_them():
+    case = Case(scenes_meaning.world_by_camera_ray)
+    case.has('"infinite" "string filename"', 1)
+    case.says("Is Camera Ray: the camera sees the world that lights")
+    case = Case(scenes_meaning.world_by_camera_ray_rendered)
+    case.has('"infinite" "string filename"', 1)
+
+
 def test_settings_of_layers_and_films():
     case = Case(scenes_meaning.layer_override)
     case.has("^MakeNamedMaterial", 1)

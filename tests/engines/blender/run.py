@@ -38,6 +38,7 @@ FINDINGS = (
     "add_clear_light",
     "mix_matt_light", "add_one", "mix_one", "world_moved", "world_of_object", "world_ball",
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
+    "world_by_camera_ray", "world_by_camera_ray_rendered",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
     "shutter_curve")
 PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",

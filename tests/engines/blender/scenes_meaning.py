@@ -252,6 +252,26 @@ def world_hidden(b):
 
 
 def film_transparent(b):
+def world_by_camera_ray(b):
+    """A picture lights the scene, and the camera sees a color, or a sky that is rendered."""
+    nodes, links, _ = environment(b)
+    mix = nodes.new("ShaderNodeMixShader")
+    shown = nodes.new("ShaderNodeBackground")
+    shown.inputs["Color"].default_value = (0.1, 0.3, 0.05, 1)
+    links.new(nodes.new("ShaderNodeLightPath").outputs["Is Camera Ray"], mix.inputs["Fac"])
+    links.new(nodes["Background"].outputs[0], mix.inputs[1])
+    links.new(shown.outputs[0], mix.inputs[2])
+    links.new(mix.outputs[0], nodes["World Output"].inputs["Surface"])
+    return nodes, links, shown
+
+
+def world_by_camera_ray_rendered(b):
+    nodes, links, shown = world_by_camera_ray(b)
+    links.new(nodes.new("ShaderNodeTexVoronoi").outputs["Color"], shown.inputs["Color"])
+    links.new(nodes.new("ShaderNodeTexVoronoi").outputs["Distance"],
+              nodes["Background"].inputs["Color"])
+
+
     environment(b)
     b.scene.render.film_transparent = True
 
