@@ -7,7 +7,7 @@ import bpy
 import mathutils
 
 from ..scene import units, values
-from . import node_links, settings
+from . import light_points, node_links, settings
 from .images import write_pixels
 from .node_values import NodeValues
 
@@ -53,22 +53,50 @@ def write_light(text, place, color, scene_sphere, content, report):
     if light.type != "SUN" and matrix.to_3x3().determinant() == 0:
         matrix = _unflattened(matrix)
     writer = {"POINT": _point, "AREA": _area}.get(light.type)
+    if place.is_seen and "camera" in place.hidden_from or light_points.has_spread(light):
+        if _write_points(text, light, matrix, color, content, item, report):
+            return
     text.directive("AttributeBegin")
-    shape = None
     if light.type == "SUN":
-        shape = _sun(text, light, matrix, color, scene_sphere)
+        _sun(text, light, matrix, color, scene_sphere)
     elif light.type == "SPOT":
         if bpy.app.version < (3, 5, 0):  # Since then its scale makes the cone elliptic.
             matrix = _unscaled(matrix)
+        if light_points.has_radius(light):
+            _soft_spot(text, light, matrix, color, content, item, report)
+            text.directive("AttributeEnd")
+            return
         write_transform(text, matrix, None)
         _spot(text, light, color, content, item, report)
     else:
         write_transform(text, matrix, None)
-        shape = writer(text, light, matrix, color, item, report)
+        writer(text, light, matrix, color, item, report)
     text.directive("AttributeEnd")
-    if shape and place.is_seen and "camera" in place.hidden_from:
-        report.approximated(item, f"{shape} is seen by the camera, and other light does not pass "
-                                  "through it")
+
+
+def _write_points(text, light, matrix, color, content, item, report):
+    """Whether the light is written as points: it has a size."""
+    if light.type == "SUN":
+        if light.angle < units.SUN_DISK_RADIANS_MIN:
+            return False
+        direction = (matrix.to_3x3() @ mathutils.Vector((0, 0, -1))).normalized()
+        light_points.write_sun(text, direction, _half_angle(light), _scaled(color, light.energy))
+    elif light.type == "POINT":
+        if light.shadow_soft_size < SIZE_MIN_M:
+            return False
+        light_points.write_ball(text, matrix.translation, light.shadow_soft_size,
+                                _scaled(color, units.point_intensity(light.energy)))
+    elif light.type == "AREA":
+        x, y, is_round, surface = _area_size(light, matrix)
+        if surface <= 0:
+            return False
+        radiance = units.area_radiance(light.energy, surface, bpy.app.version >= (4, 0, 0))
+        light_points.write_area(text, light, matrix, _scaled(color, radiance * surface), content,
+                                0 if is_round else 4, (x, y))
+    else:
+        return False
+    report.approximated(item, light_points.NOTE)
+    return True
 
 
 def _unflattened(matrix):
@@ -144,18 +172,17 @@ def _point(text, light, matrix, color, item, report):
     if radius * matrix.median_scale < SIZE_MIN_M:
         text.directive("LightSource", "point",
                        {"rgb I": _scaled(color, units.point_intensity(light.energy))})
-        return None
+        return
     # The radius does not grow with the object, as in Cycles.
     size = radius / (matrix.median_scale or 1.0)
     radiance = units.sphere_radiance(light.energy, radius)
     text.directive("AreaLightSource", "diffuse", {"rgb L": _scaled(color, radiance)})
     text.directive("Shape", "sphere", {"float radius": float(size)})
-    return "its sphere"
 
 
 def _spot(text, light, color, content, item, report):
     cone, delta = units.spot_cone(light.spot_size, light.spot_blend)
-    if light.shadow_soft_size >= SIZE_MIN_M:
+    if light.shadow_soft_size >= SIZE_MIN_M and not light_points.has_radius(light):
         report.approximated(item, "Radius of a spot light is 0: its shadows are sharp")
     intensity = _scaled(color, units.point_intensity(light.energy))
     if bpy.app.version < (4, 0, 0):
@@ -170,18 +197,29 @@ def _spot(text, light, color, content, item, report):
         "float coneangle": cone, "float conedeltaangle": max(delta, 0.0)})
 
 
+def _soft_spot(text, light, matrix, color, content, item, report):
+    profile = write_pixels(content, units.spot_map(light.spot_size, light.spot_blend)[::-1])
+    light_points.write_spot(text, matrix, light.shadow_soft_size, profile,
+                            _scaled(color, units.point_intensity(light.energy)))
+    report.approximated(item, f"Radius of a spot light: its shadows have {light_points.POINTS} "
+                              "steps")
+
+
+def _half_angle(light):
+    return min(light.angle / 2, math.radians(89))
+
+
 def _sun(text, light, matrix, color, scene_sphere):
-    """Returns what is seen of it, as _point and _area do; None for nothing."""
     direction = matrix.to_3x3() @ mathutils.Vector((0, 0, -1))
     direction.normalize()
     if light.angle < units.SUN_DISK_RADIANS_MIN:
         text.directive("LightSource", "distant", {
             "rgb L": _scaled(color, light.energy), "point3 from": tuple(map(float, -direction)),
             "point3 to": (0.0, 0.0, 0.0)})
-        return None
+        return
     center, radius = scene_sphere
     distance = SUN_DISTANCE_SCENES * max(radius, 1e-3)
-    half = min(light.angle / 2, math.radians(89))
+    half = _half_angle(light)
     # tan: the disk lies at the distance along its axis.
     place = mathutils.Matrix.Translation(center - direction * distance)
     turn = direction.to_track_quat("Z", "Y").to_matrix().to_4x4()
@@ -189,19 +227,24 @@ def _sun(text, light, matrix, color, scene_sphere):
     text.directive("AreaLightSource", "diffuse", {
         "rgb L": _scaled(color, units.sun_radiance(light.energy, 2 * half))})
     text.directive("Shape", "disk", {"float radius": float(distance * math.tan(half))})
-    return "the disk of the sun"
 
 
-def _area(text, light, matrix, color, item, report):
+def _area_size(light, matrix):
+    """(width, height, whether it is round, square meters); Cycles counts the size with the scale
+    of the object.
+    """
     x = light.size
     y = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
     is_round = light.shape in ("DISK", "ELLIPSE")
     scale = matrix.to_scale()
-    # Cycles counts the size with the scale of the object.
-    surface = abs(x * scale.x * y * scale.y) * (math.pi / 4 if is_round else 1)
+    return x, y, is_round, abs(x * scale.x * y * scale.y) * (math.pi / 4 if is_round else 1)
+
+
+def _area(text, light, matrix, color, item, report):
+    x, y, is_round, surface = _area_size(light, matrix)
     if surface <= 0:
         report.left_out(item, "an area light without area")
-        return None
+        return
     radiance = units.area_radiance(light.energy, surface, bpy.app.version >= (4, 0, 0))
     text.directive("AreaLightSource", "diffuse", {"rgb L": _scaled(color, radiance)})
     # It shines along -z.
@@ -211,4 +254,3 @@ def _area(text, light, matrix, color, item, report):
     else:
         text.directive("Shape", "bilinearmesh", {
             "point3 P": (-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, -1.0, 1.0, 0.0, 1.0, 1.0, 0.0)})
-    return "its surface"

@@ -37,9 +37,10 @@ def reported(names, neutral, text):
 LIGHT = (
     handled("type color energy node_tree use_nodes use_temperature temperature",
             "a negative energy is reported: the light is off"),
-    handled("shadow_soft_size", "the radius of a spot is reported: its shadows are sharp"),
+    handled("shadow_soft_size", "the radius of a spot is 64 points; since Blender 4.0 it is "
+            "reported: its shadows are sharp"),
     handled("spot_size spot_blend angle shape size size_y"),
-    reported("spread", 3.1415927, "Spread: it shines as wide as a surface"),
+    handled("spread", "a light that spreads less than a surface is 64 points"),
     reported("use_shadow", ELSEWHERE, "Cast Shadow: it casts shadows"),
     reported("use_soft_falloff", True, "Soft Falloff: its sphere is that of a lamp"),
 )

@@ -62,6 +62,22 @@ def spot_map(size_rad, blend, edge=SPOT_MAP_EDGE):
     return numpy.repeat((t * t * (3 - 2 * t) * numpy.maximum(cosine, 0))[..., None], 3, axis=-1)
 
 
+def area_map(half_spread_rad, edge=SPOT_MAP_EDGE):
+    """An equal-area map of the intensity of a point of an area light that shines along z, relative
+    to that of a surface of the same flux: cos a (1 - tan a / tan h) / (1 - h / tan h) within the
+    angle h of its honeycomb grid, as Cycles has it.
+    """
+    places = (numpy.arange(edge) + 0.5) / edge
+    cosine = sphere_map.square_to_sphere(*numpy.meshgrid(places, places))[..., 2]
+    cosine = numpy.maximum(cosine, 0)
+    found = cosine
+    if half_spread_rad < math.pi / 2 - 1e-4:
+        tangent = math.tan(half_spread_rad)
+        sine = numpy.sqrt(numpy.maximum(1 - cosine * cosine, 0))
+        found = numpy.maximum(cosine - sine / tangent, 0) / (1 - half_spread_rad / tangent)
+    return numpy.repeat(found[..., None], 3, axis=-1)
+
+
 # Cycles' fit of the color of black bodies in linear Rec.709, for temperatures from the first number
 # on: a / K + b K + c for red and green, a cubic polynomial of K for blue.
 _BLACKBODY = (

@@ -329,6 +329,18 @@ def test_settings_of_layers_and_films():
     Case(scenes_meaning.shutter_curve).has('"float shuttershape"', 1)
 
 
+def test_lamps_that_the_camera_does_not_see_are_points():
+    for make, kind, count in ((scenes_meaning.lamps_in_view, "goniometric", 128),
+                              (scenes_meaning.lamps_in_view, "point", 64),
+                              (scenes_meaning.lamp_around_all, "point", 64),
+                              (scenes_meaning.sun_in_view, "distant", 64),
+                              (scenes_meaning.area_spread, "goniometric", 128),
+                              (scenes_meaning.spot_soft, "goniometric", 64)):
+        case = Case(make)
+        case.has(f'LightSource "{kind}"', count)
+        check("AreaLightSource" not in case.text, f"{make.__name__}: nothing is seen")
+
+
 def settings_of_others(b):
     """A scene whose settings all have an effect that Sheaf does not have."""
     ball = scenes_findings.room(b)
@@ -355,7 +367,7 @@ def settings_of_others(b):
 
 def test_settings_without_counterpart_are_reported():
     case = Case(settings_of_others)
-    for line in ("its negative power", "Spread", "Ray Visibility .diffuse",
+    for line in ("its negative power", "64 points", "Ray Visibility .diffuse",
                  "Max Bounces of a light",
                  'object "Ball": Ray Visibility .glossy', "Holdout$|Holdout .left",
                  "Shading Offset", "Clip End", "Ratio of the aperture", "Fast GI",

@@ -40,7 +40,8 @@ FINDINGS = (
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
     "world_by_camera_ray", "world_by_camera_ray_rendered",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
-    "shutter_curve")
+    "shutter_curve", "lamps_in_view", "lamp_around_all", "sun_in_view", "area_spread",
+    "spot_soft")
 PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",
             "patterns_ramp")
 RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # From random_scenes.HandledScene.

@@ -5,6 +5,7 @@ import math
 import os
 
 import bpy
+import mathutils
 import numpy
 import OpenImageIO
 
@@ -251,7 +252,6 @@ def world_hidden(b):
     b.scene.world.cycles_visibility.camera = False
 
 
-def film_transparent(b):
 def world_by_camera_ray(b):
     """A picture lights the scene, and the camera sees a color, or a sky that is rendered."""
     nodes, links, _ = environment(b)
@@ -272,6 +272,7 @@ def world_by_camera_ray_rendered(b):
               nodes["Background"].inputs["Color"])
 
 
+def film_transparent(b):
     environment(b)
     b.scene.render.film_transparent = True
 
@@ -294,6 +295,39 @@ def layer_without_sky(b):
     environment(b)
     b.light("AREA", (-4, -5, 7), energy=300.0, size=1.0)
     b.scene.view_layers[0].use_sky = False
+
+
+def lamps_in_view(b):
+    """Lamps that the camera does not see, in front of what it sees."""
+    room(b)
+    b.light("POINT", (0.5, -2.5, 1.5), energy=60.0, shadow_soft_size=0.6)
+    b.light("AREA", (-1, -2, 2.5), energy=60.0, size=1.5, shape="RECTANGLE", size_y=0.7)
+    b.light("AREA", (2, 1, 2.5), energy=60.0, size=1.5, shape="DISK").rotation_euler = (0.3, 0.2, 0)
+
+
+def lamp_around_all(b):
+    """A lamp whose sphere holds the camera."""
+    room(b)
+    b.light("POINT", (0, -3, 6), energy=900.0, shadow_soft_size=20.0)
+
+
+def sun_in_view(b):
+    room(b)
+    b.scene.camera.rotation_euler.x = 1.6
+    sun = b.light("SUN", (0, 0, 9), energy=3.0, angle=0.2)
+    sun.rotation_euler = (b.scene.camera.rotation_euler.to_matrix()
+                          @ mathutils.Matrix.Rotation(math.pi, 3, "X")).to_euler()
+
+
+def area_spread(b):
+    room(b)
+    b.light("AREA", (0, -1, 4), energy=200.0, size=0.5, spread=1.0)
+    b.light("AREA", (2, -1, 4), energy=200.0, size=0.5, size_y=3.0, shape="RECTANGLE", spread=2.5)
+
+
+def spot_soft(b):
+    room(b)
+    b.light("SPOT", (0, -2, 5), energy=400.0, spot_size=0.9, shadow_soft_size=0.7)
 
 
 def spot_scaled(b):
