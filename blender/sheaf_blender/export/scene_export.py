@@ -14,7 +14,7 @@ from ..scene import materials
 from ..scene.content import ContentFolder
 from ..scene.report import Report
 from ..scene.text import SceneText
-from . import camera, inside_of, lights, motion, world
+from . import camera, inside_of, lights, motion, shaders, world
 from .collector import Collector
 from .images import Images
 from .settings import note_all as note_settings
@@ -129,6 +129,7 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     with report.guard("settings"):
         note_settings(depsgraph, camera_object, collector, sphere, report)
     background = _write_sky(text, depsgraph, exposure, images, content, report)
+    _fill_world(writer, depsgraph, images, report)
     _write_lights(text, collector.lights, exposure, sphere, images, content, report)
     moved = None
     if shutter is not None:
@@ -159,6 +160,17 @@ def _write_sky(text, depsgraph, exposure, images, content, report):
             background = world.write_world(text, depsgraph.scene, chosen, exposure, images,
                                            content, report)
     return background
+
+
+def _fill_world(writer, depsgraph, images, report):
+    layer = depsgraph.view_layer_eval
+    chosen = getattr(layer, "world_override", None) or depsgraph.scene_eval.world
+    if chosen is None or not layer.use_sky or not layer.use_volumes:
+        return
+    with report.guard(f'world "{chosen.name}"'):
+        found = shaders.read_world_volume(chosen, report, images)
+        if found is not None:
+            writer.fill_world(found)
 
 
 def _write_lights(text, places, exposure, sphere, images, content, report):

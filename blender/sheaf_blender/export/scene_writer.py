@@ -24,6 +24,15 @@ class SceneWriter:
         self._materials = materials.MaterialTable(text, textures)
         self._media = {}    # By medium: two materials of one name may differ.
         self._prepared = {}
+        self._around = ""   # The medium that fills the world.
+
+    def fill_world(self, shading):
+        """Writes the medium of the world, which surrounds and fills what has none of its own."""
+        self._around = self._medium(shading)
+        self._text.raw(self._usual_media())
+
+    def _usual_media(self):
+        return f'MediumInterface "{_plain(self._around)}" "{_plain(self._around)}"'
 
     def write(self, geometries, moved):
         """moved: a motion.Motion; None without motion blur."""
@@ -76,7 +85,7 @@ class SceneWriter:
     def write_camera_medium(self, found, camera_name):
         """The name of the medium around the camera; empty for none. found: see inside_of."""
         if not found:
-            return ""
+            return self._around
         if len(found) > 1:
             self._report.approximated(f'camera "{camera_name}"', f"it is in {len(found)} volumes; "
                                       "the first one counts")
@@ -188,7 +197,7 @@ class SceneWriter:
                 parameters.update(self._textures.parameter("alpha", alpha, False))
             text.directive("NamedMaterial", material)
             if medium:
-                text.raw(f'MediumInterface "{_plain(medium)}" ""')
+                text.raw(f'MediumInterface "{_plain(medium)}" "{_plain(self._around)}"')
             emits = self._emits(part)
             if emits:
                 text.directive("AttributeBegin")
@@ -197,7 +206,7 @@ class SceneWriter:
             if emits:
                 text.directive("AttributeEnd")
             if medium:
-                text.raw('MediumInterface "" ""')
+                text.raw(self._usual_media())
         for shading, path in geometry.strands:
             material, _ = self._prepare(shading)
             text.directive("NamedMaterial", material)
@@ -274,7 +283,7 @@ class SceneWriter:
             if medium.blackbody > 0:
                 parameters["float LeScale"] = medium.blackbody * self._exposure
             text.directive("MakeNamedMedium", name, parameters)
-            text.raw(f'MediumInterface "{_plain(name)}" ""')
+            text.raw(f'MediumInterface "{_plain(name)}" "{_plain(self._around)}"')
             text.directive("Material", "interface")
             text.directive("Shape", "trianglemesh",
                            {**_box(grid.corners), **_name(geometry.object_names[i])})

@@ -71,6 +71,16 @@ def read_material(material, report, images):
                    next(iter(maps)) if len(maps) == 1 else "")
 
 
+def read_world_volume(world, report, images):
+    """The Shading of the volume that fills the world, or None."""
+    output = node_links.output_node(world.node_tree) if world.use_nodes else None
+    if output is None:
+        return None
+    reader = ShaderReader(f'world "{world.name}"', report, images)
+    medium = reader.medium(node_links.input_of(node_links.Place(output), "Volume"))
+    return medium and Shading(world.name, closures.EMPTY, medium, False)
+
+
 class ShaderReader:
     """Reads the shaders of one material."""
 

@@ -50,11 +50,7 @@ def write_world(text, scene, world, exposure, images, content, report):
     output = node_links.output_node(world.node_tree)
     if output is None:
         return Background()
-    place = node_links.Place(output)
-    if node_links.source(node_links.input_of(place, "Volume"))[0] is not None:
-        report.left_out(item, "the Volume of the world; put a large box with that volume around "
-                              "the scene")
-    surface = node_links.input_of(place, "Surface")
+    surface = node_links.input_of(node_links.Place(output), "Surface")
     if node_links.source(surface)[0] is None:
         return Background()
     rays = light_path_outputs(world.node_tree)

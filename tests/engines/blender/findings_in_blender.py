@@ -318,6 +318,13 @@ def test_worlds_light_as_other_rays_see_them():
     case.has('"infinite" "string filename"', 1)
 
 
+def test_worlds_have_a_volume():
+    case = Case(scenes_meaning.world_volume)
+    check(not any("olume" in line for line in case.lines), f"it is not reported: {case.lines}")
+    case.has('^MediumInterface "" "World"\nCamera', 1)
+    case.has('^MediumInterface "World" "World"', 1)
+
+
 def test_settings_of_layers_and_films():
     case = Case(scenes_meaning.layer_override)
     case.has("^MakeNamedMaterial", 1)

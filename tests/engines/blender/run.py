@@ -38,7 +38,7 @@ FINDINGS = (
     "add_clear_light",
     "mix_matt_light", "add_one", "mix_one", "world_moved", "world_of_object", "world_ball",
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
-    "world_by_camera_ray", "world_by_camera_ray_rendered",
+    "world_volume", "world_by_camera_ray", "world_by_camera_ray_rendered",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
     "shutter_curve", "lamps_in_view", "lamp_around_all", "sun_in_view", "area_spread",
     "spot_soft")

@@ -272,6 +272,19 @@ def world_by_camera_ray_rendered(b):
               nodes["Background"].inputs["Color"])
 
 
+def world_volume(b):
+    """Fog everywhere, also in the glass ball."""
+    b.scene.cycles.volume_bounces = 16
+    room(b)
+    b.sphere("Glass", (2, 0, 1), 0.8, b.material("Glass", "ShaderNodeBsdfGlass", Roughness=0.0))
+    b.light("POINT", (-2, -2, 4), energy=600.0, shadow_soft_size=0.0)
+    tree = b.scene.world.node_tree
+    fog = tree.nodes.new("ShaderNodeVolumeScatter")
+    fog.inputs["Color"].default_value = (0.9, 0.7, 0.5, 1)
+    fog.inputs["Density"].default_value = 0.06
+    tree.links.new(fog.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+
+
 def film_transparent(b):
     environment(b)
     b.scene.render.film_transparent = True
