@@ -11,6 +11,7 @@ import bpy
 import numpy
 
 from . import jobs, passes
+from .export.collector import affine
 from .export.scene_export import Settings, export_scene
 from .farm import images, program
 from .farm.program import SheafError
@@ -242,7 +243,7 @@ class ViewCamera:
 
     def matrix(self, camera_object):
         if not self._view:
-            return camera_object.matrix_world.copy()
+            return affine(camera_object.matrix_world)
         return self._engine.camera_model_matrix(camera_object, use_spherical_stereo=False)
 
     def shift_x(self, camera_object):

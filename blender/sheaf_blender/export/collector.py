@@ -85,7 +85,7 @@ class Collector:
         if kind == "LIGHT":
             if instance.show_self:
                 self.lights.append(LightPlace(
-                    instance_object.name, instance_object.data, instance.matrix_world.copy(),
+                    instance_object.name, instance_object.data, affine(instance.matrix_world),
                     hidden_rays(instance_object), motion_key(instance, instance_object)))
             return
         is_drawn = self._layer.use_volumes if kind == "VOLUME" else self._layer.use_solid
@@ -107,7 +107,7 @@ class Collector:
             if geometry is None:
                 geometry = self.geometries[key] = self._read(instance_object, kind)
             self._seen[seen] = geometry
-        geometry.matrices.append(instance.matrix_world.copy())
+        geometry.matrices.append(affine(instance.matrix_world))
         geometry.object_names.append(instance_object.name)
         geometry.keys.append(motion_key(instance, instance_object) if self._has_motion else None)
 
@@ -278,6 +278,13 @@ class Collector:
             return None
         return VolumeObject(stored, corners, shading,
                             getattr(volume.render, "space", "OBJECT") == "OBJECT")
+
+
+def affine(matrix):
+    """A copy whose last row is 0 0 0 1, as in Cycles: inverses of parents leave 0.99999994."""
+    found = matrix.copy()
+    found[3] = (0.0, 0.0, 0.0, 1.0)
+    return found
 
 
 def _texture_space(mesh):

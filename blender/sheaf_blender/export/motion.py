@@ -8,7 +8,7 @@ import numpy
 
 from ..scene import ply
 from . import meshes
-from .collector import motion_key
+from .collector import affine, motion_key
 
 KEYS_MAX = 17             # As many steps as a mesh of Sheaf may have.
 ERROR_MAX_PX = 0.25       # Between two keys, as the camera sees it.
@@ -92,7 +92,7 @@ def _snapshot(depsgraph, collector, camera_of):
                  if geometry.may_deform and geometry.object_names}
     for instance in depsgraph.object_instances:
         instance_object = instance.object
-        matrices[motion_key(instance, instance_object)] = instance.matrix_world.copy()
+        matrices[motion_key(instance, instance_object)] = affine(instance.matrix_world)
         geometry = deforming.get(instance_object.name)
         if geometry is not None and geometry.name not in found:
             found[geometry.name] = _read_parts(geometry, instance_object)

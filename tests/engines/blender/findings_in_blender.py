@@ -110,6 +110,13 @@ def test_what_is_scaled_to_nothing_is_invisible():
         check(f'"string name" "{name}"' not in case.text, f"{name} is not written")
 
 
+def test_transforms_are_affine():
+    case = Case(scenes_findings.rounded_parents)
+    found = [list(map(float, text.split())) for text in re.findall(
+        r"(?:Transform|ConcatTransform) \[(.*?)\]", case.text)]
+    check(found and all(one[3::4] == [0, 0, 0, 1] for one in found), f"the last rows are: {found}")
+
+
 def test_mirrored_parents_mirror_the_camera():
     case = Case(scenes_findings.mirrored_camera)
     matrix = [float(x) for x in re.search(r"^Transform \[(.*)\]", case.text, re.M)[1].split()]

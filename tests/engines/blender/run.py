@@ -32,7 +32,8 @@ PACKAGES = ("blender", "python3-numpy", "python3-openimageio", "python3-openvdb"
 SCENES = ("lights", "principled", "coats", "textures", "normals", "glass", "emission", "world",
           "volumes", "instances", "hair", "motion", "lens", "mattes")
 FINDINGS = (
-    "smoke", "fog_around_camera", "camera_under_water", "scaled_to_nothing", "mirrored_camera",
+    "smoke", "fog_around_camera", "camera_under_water", "scaled_to_nothing",
+    "rounded_parents", "mirrored_camera",
     "spin", "acceleration", "blur_off", "zoom", "image_tiles", "image_missing", "image_none",
     "image_without_uv", "image_of_second_uv", "image_packed", "image_curves", "mix_clear_light",
     "add_clear_light",

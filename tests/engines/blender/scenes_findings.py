@@ -20,6 +20,17 @@ def room(b):
     return b.sphere("Ball", (0, 0, 1), 0.8, b.diffuse("Red", (0.7, 0.2, 0.1)))
 
 
+def rounded_parents(b):
+    """Inverses of parents whose last element is not 1 by rounding."""
+    ball = room(b)
+    nearly_one = 1 - 2.0 ** -24
+    for child in (ball, b.light("POINT", (-2, -2, 4), energy=300.0), b.scene.camera):
+        child.parent = b.add("Parent", None)
+        child.matrix_parent_inverse[3][3] = nearly_one
+    key(ball, "location", {0: (-1, 0, 1), 2: (1, 0, 1)})
+    blur(b)
+
+
 def volume(b, name, kind="ShaderNodeVolumeScatter", **inputs):
     b.scene.cycles.volume_bounces = 16
     made, nodes, links, output = b.empty_material(name)
