@@ -61,7 +61,7 @@ class PlanCommand : public Command {
       return ReportError(
           ExitCode::kUsage,
           absl::InvalidArgumentError("--measure knows paths of one pixel; remove --stereo, and "
-                                     "+sharing of --techniques"));
+                                     "+sharing or +mutations of --techniques"));
     }
     if (measure_) {
       absl::StatusOr<render::TechniqueMeasurement> compared = render::MeasureTechniques(

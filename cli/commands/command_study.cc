@@ -93,7 +93,7 @@ class StudyCommand : public Command {
     if (HasOneTile(opened.settings)) {
       return ReportError(ExitCode::kUsage,
                          absl::InvalidArgumentError("a study knows paths of one pixel: remove "
-                                                    "+sharing of --techniques"));
+                                                    "+sharing or +mutations of --techniques"));
     }
     std::vector<std::string> inputs;
     for (const auto& [name, path] : opened.file.files->FilesUsed()) inputs.push_back(path);

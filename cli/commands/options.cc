@@ -196,7 +196,7 @@ void ParseTechniques(const std::string& text, RenderSettings* settings) {
           ? absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
                          " or these with +learned-lights, +merging or "
                          "+emission-guiding, or camera "
-                         "with +sharing or +sharing+views",
+                         "with +sharing, +sharing+views or +mutations",
                          NearestNameHint(text, words))
           : std::string(techniques.status().message()));
 }
@@ -253,7 +253,9 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "
           "by a blur, which errors include. +sharing: paths from the camera count in all pixels "
           "whose filters cover them; +views: and through several points of the lens and, if only "
-          "the camera moves, times of the shutter. All but merging have the same mean. auto: what "
+          "the camera moves, times of the shutter. +mutations: samples far brighter than their "
+          "region are spread over chains of similar paths. All but merging have the same mean. "
+          "auto: what "
           "pays most, "
           "which small images measure first (default: those of the scene's integrator; for paths "
           "from the camera, in render, submit and quote, auto where the first of these images are "

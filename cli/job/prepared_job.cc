@@ -31,6 +31,7 @@
 #include "common/scene/camera_matrices.h"
 #include "common/scene/file_source.h"
 #include "common/scene/pbrt/scene_reader.h"
+#include "common/scene/settings/path_shares.h"
 #include "common/scene/visible_emitters.h"
 #include "worker/render/scene/matte_names.h"
 #include "worker/render/scene/memory_estimate.h"
@@ -233,10 +234,11 @@ namespace {
 // Refuses options that stereo images, and those of shared paths, do not have.
 absl::Status CheckSharedPaths(const JobArguments& arguments) {
   const std::optional<TechniqueSet>& techniques = arguments.settings.techniques;
-  if (techniques && SharesPaths(*techniques) && !arguments.resume_from.empty()) {
+  if (techniques && ReachesFarPixels(*techniques) && !arguments.resume_from.empty()) {
     return absl::InvalidArgumentError(
         absl::StrCat("--techniques ", techniques->Name(),
-                     ": images of shared paths know no --resume-from; remove it"));
+                     ": images whose paths count in several pixels know no "
+                     "--resume-from; remove it"));
   }
   if (!(arguments.settings.eye_distance > 0)) return absl::OkStatus();
   const std::pair<bool, const char*> refused[] = {
@@ -272,9 +274,10 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   const std::optional<TechniqueSet>& asked = arguments.settings.techniques;
   if (arguments.keep_camera_paths &&
-      (arguments.settings.eye_distance > 0 || (asked && SharesPaths(*asked)))) {
+      (arguments.settings.eye_distance > 0 || (asked && ReachesFarPixels(*asked)))) {
     return absl::InvalidArgumentError(
-        "--measure knows paths of one pixel; remove --stereo, and +sharing of --techniques");
+        "--measure knows paths of one pixel; remove --stereo, and +sharing or "
+        "+mutations of --techniques");
   }
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();

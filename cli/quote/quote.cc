@@ -12,6 +12,7 @@
 #include "cli/quote/pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
+#include "common/scene/settings/path_shares.h"
 
 namespace sheaf::cli {
 namespace {
@@ -241,8 +242,9 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
   if (arguments.settings.eye_distance > 0) {
     return absl::UnimplementedError("what two eyes cost is not predicted");
   }
-  if (arguments.settings.techniques && SharesPaths(*arguments.settings.techniques)) {
-    return absl::UnimplementedError("what frames of shared paths cost is not predicted");
+  if (arguments.settings.techniques && ReachesFarPixels(*arguments.settings.techniques)) {
+    return absl::UnimplementedError(
+        "what frames cost whose paths count in several pixels is not predicted");
   }
   Quote quote;
   const absl::StatusOr<std::optional<ImageStart>> start = ReadStart(arguments, job);

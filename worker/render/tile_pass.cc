@@ -17,6 +17,7 @@
 #include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
 #include "worker/render/majorant_retries.h"
+#include "worker/render/mutations/mutation_passes.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
@@ -50,7 +51,7 @@ RenderRowFunction RowFunctionFor(const CompiledScene& scene) {
   return RowBesideLightOf(ChooseLightPathVariant(scene.plan.traits, generic));
 }
 
-// The passes of a frame whose paths count in several pixels.
+// The passes of a frame whose paths or chains count in several pixels.
 absl::StatusOr<FilmTile> RenderSharedTile(const CompiledScene& scene, PixelRect tile,
                                           SampleBlock block, const std::stop_token& stop,
                                           RenderStats* stats) {
@@ -64,7 +65,10 @@ absl::StatusOr<FilmTile> RenderSharedTile(const CompiledScene& scene, PixelRect 
   absl::StatusOr<FilmTile> film;
   const uint32_t raised_majorants = RetryWithMajorants(scene.majorant_factor, &counts, [&] {
     lost.clear();
-    film = RenderEyePasses(scene, block, stop, &counts, &lost);
+    film =
+        MutatesPaths(settings.techniques)
+            ? RenderMutationPasses(scene, ChainRulesOf(scene, &counts), block, stop, &counts, &lost)
+            : RenderEyePasses(scene, block, stop, &counts, &lost);
     return film.ok();
   });
   if (!film.ok() || stats == nullptr) return film;

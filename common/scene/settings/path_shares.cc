@@ -7,12 +7,23 @@
 namespace sheaf {
 
 std::string WhyNoSharing(const FrameSettings& settings) {
+  const bool mutates = MutatesPaths(settings.techniques);
   const std::string who = settings.IsStereo() ? "eyes" : "pixels";
+  if (mutates && !(settings.techniques == TechniqueSet{Technique::kMutations})) {
+    return absl::StrCat(
+        "mutations are of paths from the camera alone, not of those of the "
+        "techniques ",
+        settings.techniques.Without(Technique::kMutations).Name(),
+        "; use --techniques camera+mutations");
+  }
+  if (mutates && settings.IsStereo()) {
+    return "the eyes of a stereo frame share no mutations; remove --stereo or the mutations";
+  }
   if (!(settings.window == PixelRect{0, 0, settings.width_px, settings.height_px})) {
     return absl::StrCat("a frame whose ", who, " share paths is rendered whole; remove the crop");
   }
   const TechniqueSet others = settings.techniques.Without(Technique::kSharing);
-  if (!(others == TechniqueSet::kCamera)) {
+  if (!mutates && !(others == TechniqueSet::kCamera)) {
     return absl::StrCat(who, " share paths from the camera alone, not those of the techniques ",
                         others.Name(),
                         "; use --techniques camera, camera+sharing or camera+sharing+views");
@@ -30,7 +41,7 @@ std::string WhyNoSharing(const FrameSettings& settings) {
 }
 
 absl::Status CheckSharing(const FrameSettings& settings) {
-  if (!SharesPaths(settings.techniques)) return absl::OkStatus();
+  if (!ReachesFarPixels(settings.techniques)) return absl::OkStatus();
   const std::string why_not = WhyNoSharing(settings);
   if (why_not.empty()) return absl::OkStatus();
   return absl::InvalidArgumentError(

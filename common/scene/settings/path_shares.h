@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Frames whose paths count in several pixels (worker/render/eyes): stereo frames, and those with
-// Technique::kSharing (docs/adr/0151).
+// Frames whose paths count in several pixels: stereo frames and those with Technique::kSharing
+// (worker/render/eyes, docs/adr/0151), and those with Technique::kMutations
+// (worker/render/mutations, docs/adr/0270).
 #pragma once
 
 #include <string>
@@ -12,9 +13,13 @@
 
 namespace sheaf {
 
+// Whether paths of the techniques reach pixels far from their own.
+constexpr bool ReachesFarPixels(TechniqueSet techniques) {
+  return SharesPaths(techniques) || MutatesPaths(techniques);
+}
 // Whether the frame has one tile, its whole film, because paths reach pixels far from their own.
 inline bool HasOneTile(const FrameSettings& settings) {
-  return settings.IsStereo() || SharesPaths(settings.techniques);
+  return settings.IsStereo() || ReachesFarPixels(settings.techniques);
 }
 
 // Why the settings cannot be those of a frame whose pixels or eyes share paths: a crop, other

@@ -18,7 +18,7 @@ RenderSettings SharingBy(const std::string& techniques) {
 
 TEST(PathSharesTest, FramesOfSharedPathsHaveOneTile) {
   const SceneDescription scene;
-  for (const char* techniques : {"camera+sharing", "camera+sharing+views"}) {
+  for (const char* techniques : {"camera+sharing", "camera+sharing+views", "camera+mutations"}) {
     const absl::StatusOr<FrameSettings> settings = ResolveSettings(scene, SharingBy(techniques));
     ASSERT_TRUE(settings.ok()) << settings.status();
     EXPECT_TRUE(HasOneTile(*settings));
@@ -37,6 +37,13 @@ TEST(PathSharesTest, EyesMayShareThemToo) {
   EXPECT_TRUE(SharesViews(resolved->techniques));
 }
 
+TEST(PathSharesTest, EyesDoNotMutateThem) {
+  RenderSettings settings = SharingBy("camera+mutations");
+  settings.eye_distance = 0.1f;
+  EXPECT_EQ(ResolveSettings(SceneDescription(), settings).status().code(),
+            absl::StatusCode::kInvalidArgument);
+}
+
 TEST(PathSharesTest, OtherFramesAreRefused) {
   const auto expect_refused = [](const RenderSettings& settings, const std::string& why) {
     const absl::StatusOr<FrameSettings> resolved = ResolveSettings(SceneDescription(), settings);
@@ -49,6 +56,11 @@ TEST(PathSharesTest, OtherFramesAreRefused) {
   expect_refused(settings, "remove the crop");
   expect_refused(SharingBy("camera+light+sharing"), "not those of the techniques camera+light;");
   expect_refused(SharingBy("camera+guiding+sharing+views"), "camera+guiding;");
+  expect_refused(SharingBy("camera+light+mutations"), "of the techniques camera+light;");
+  expect_refused(SharingBy("camera+sharing+mutations"), "of the techniques camera+sharing;");
+  settings = SharingBy("camera+mutations");
+  settings.crop = PixelRect{0, 0, 8, 8};
+  expect_refused(settings, "remove the crop");
   settings = SharingBy("camera+sharing");
   settings.light_samples = 4;
   expect_refused(settings, "remove --light-samples");

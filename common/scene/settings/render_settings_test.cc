@@ -61,9 +61,13 @@ TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
       RenderSettings asked;
       asked.techniques = *TechniqueSet::Parse(name);
       const absl::StatusOr<FrameSettings> settings = ResolveSettings(scene, asked);
-      // Only paths from the camera alone are shared.
+      // Only paths from the camera alone are shared or mutated.
       const TechniqueSet others = asked.techniques->Without(Technique::kSharing);
-      if (SharesPaths(*asked.techniques) && !(others == TechniqueSet::kCamera)) {
+      const bool shares_others =
+          SharesPaths(*asked.techniques) && !(others == TechniqueSet::kCamera);
+      const bool mutates_others = MutatesPaths(*asked.techniques) &&
+                                  !(*asked.techniques == TechniqueSet{Technique::kMutations});
+      if (shares_others || mutates_others) {
         EXPECT_EQ(settings.status().code(), absl::StatusCode::kInvalidArgument) << name;
         continue;
       }

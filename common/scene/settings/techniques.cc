@@ -34,6 +34,7 @@ constexpr TechniqueRow kTechniques[] = {
     {Technique::kSharing, "sharing", {}, true},
     {Technique::kViews, "views", {Technique::kSharing}, true},
     {Technique::kLearnedLights, "learned-lights", {}, true},
+    {Technique::kMutations, "mutations", {}, true},
 };
 
 // The first thing that a technique of the set needs and lacks; both are words of names.

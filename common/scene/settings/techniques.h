@@ -46,6 +46,9 @@ enum class Technique : uint8_t {
   // Light samples go by rows of a learned field: which lights are hidden from a region, and which
   // bring more or less than estimates say. Guided frames learn less of them (docs/adr/0190).
   kLearnedLights = 8,
+  // Camera samples far brighter than their region start chains of mutations, which spread them over
+  // similar paths. Frames have it beside no other technique (path_shares.h).
+  kMutations = 9,
 };
 
 // The techniques of a frame: paths from the camera and what is added to them.
@@ -149,6 +152,10 @@ constexpr bool GuidesEmission(TechniqueSet techniques) {
 }
 // Whether camera paths count in all pixels whose filters cover them.
 constexpr bool SharesPaths(TechniqueSet techniques) { return techniques.Has(Technique::kSharing); }
+// Whether bright camera samples are spread over chains of mutations.
+constexpr bool MutatesPaths(TechniqueSet techniques) {
+  return techniques.Has(Technique::kMutations);
+}
 // Whether several views share a camera path.
 constexpr bool SharesViews(TechniqueSet techniques) { return techniques.Has(Technique::kViews); }
 // Whether regions learn which lights to sample, in cuts of the light tree.

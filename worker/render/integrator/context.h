@@ -33,7 +33,7 @@ template <typename C>
 struct Context {
   const CompiledScene& scene;
   typename C::Tracer& tracer;
-  const Sampler& sampler;
+  const typename C::Sampler& sampler;
   RayCounts& counts;
   OutputSample* outputs;  // Null if the settings request none.
   LightGroups<typename C::Color>& groups;

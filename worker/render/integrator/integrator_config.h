@@ -7,10 +7,13 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 
 #include "worker/render/color/wavelengths.h"
 #include "worker/render/integrator/direct_light.h"
 #include "worker/render/integrator/path_kind.h"
+#include "worker/render/sampling/mutated_sampler.h"
+#include "worker/render/sampling/sampler.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
@@ -29,6 +32,11 @@ struct IntegratorConfig {
   static constexpr bool kBothEnds = kFromLight || kPathKind == PathKind::kCameraBesideLight;
   // Paths of two eyes share what they find from their first vertex on.
   static constexpr bool kEyes = kPathKind == PathKind::kEye;
+  // The same sample is traced with mutated numbers.
+  static constexpr bool kMutated = kPathKind == PathKind::kMutated;
+  using Sampler = std::conditional_t<kMutated, MutatedSampler, render::Sampler>;
+  // Frames whose paths are of these kinds have no learned fields.
+  static constexpr bool kUsesFields = !kEyes && !kMutated;
   // Vertices are seen from other directions than the path's: SurfaceVertex::SeenFrom.
   static constexpr bool kSeenFromElsewhere = kBothEnds || kEyes;
   using Color = ColorOf<kTraits>;
@@ -40,12 +48,12 @@ struct IntegratorConfig {
   static constexpr bool kSpectral = Has(Trait::kSpectral);
   static constexpr bool kOutputs = Has(Trait::kOutputs);
   // Camera paths sample directions from a learned field too: guided_directions.h.
-  static constexpr bool kGuided = !kEyes && Has(Trait::kGuiding);
+  static constexpr bool kGuided = kUsesFields && Has(Trait::kGuiding);
   // Lights are chosen by what the region of a vertex has learned.
-  static constexpr bool kKnowsLights = !kEyes && KnowsLights(kTraits);
+  static constexpr bool kKnowsLights = kUsesFields && KnowsLights(kTraits);
   // Vertices of camera paths on surfaces may take several light samples: light_splits.h. Light
   // paths count them in weights.
-  static constexpr bool kSplitsLights = !kFromLight && !kEyes && Has(Trait::kLightSplits);
+  static constexpr bool kSplitsLights = !kFromLight && kUsesFields && Has(Trait::kLightSplits);
   static constexpr bool kCountsSplits = kFromLight && Has(Trait::kLightSplits);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
   // Shading normals may be tilted so far that light would be lost: perturbed_normal.h.

@@ -98,8 +98,9 @@ void Li(const Context<C>& c, PathState<C>* path, FilmSample* film) {
 // The ray of the camera through a pixel, at a point that the filter chooses. Sets the sample's
 // filter weight. *weight: as for Camera::MakeRay.
 template <typename C>
-Ray MakeCameraRay(const CompiledScene& scene, const Camera& camera, const Sampler& sampler,
-                  std::array<int32_t, 2> pixel, float time, FilmSample* film, float* weight) {
+Ray MakeCameraRay(const CompiledScene& scene, const Camera& camera,
+                  const typename C::Sampler& sampler, std::array<int32_t, 2> pixel, float time,
+                  FilmSample* film, float* weight) {
   Vec2f filter_u, lens_u;
   if constexpr (C::Has(Trait::kLens)) {
     const std::array<float, 4> u = sampler.Get4(Slot(CameraSlot::kFilterAndLens));
@@ -133,6 +134,11 @@ class PathIntegrator {
     return Trace(Sampler(scene_.settings.seed, x, y, sample_index, scene_.settings.one_sequence), x,
                  y, &path);
   }
+  // The sample of the pixel whose numbers are those of the sampler.
+  FilmSample TraceBy(const typename C::Sampler& sampler, int32_t x, int32_t y) {
+    PathState<C> path;
+    return Trace(sampler, x, y, &path);
+  }
   // Traces a path of a training: a pure function of the scene, the fields, the pass and the path's
   // number. Gives what it found to the sink. Requires: C::kKnowsLights.
   void TraceForTraining(const TrainingPass& pass, uint64_t number, const LearnedFields& fields,
@@ -158,9 +164,9 @@ class PathIntegrator {
     }
   }
   // *path: new.
-  FilmSample Trace(const Sampler& sampler, int32_t x, int32_t y, PathState<C>* path);
-  Ray CameraRay(const Sampler& sampler, int32_t x, int32_t y, float time, FilmSample* film,
-                float* weight) const {
+  FilmSample Trace(const typename C::Sampler& sampler, int32_t x, int32_t y, PathState<C>* path);
+  Ray CameraRay(const typename C::Sampler& sampler, int32_t x, int32_t y, float time,
+                FilmSample* film, float* weight) const {
     return MakeCameraRay<C>(scene_, scene_.camera, sampler, {x, y}, time, film, weight);
   }
 
@@ -191,9 +197,8 @@ void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceForTraining(
 }
 
 template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
-FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(const Sampler& sampler,
-                                                                           int32_t x, int32_t y,
-                                                                           PathState<C>* path) {
+FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(
+    const typename C::Sampler& sampler, int32_t x, int32_t y, PathState<C>* path) {
   const Context<C> context{scene_,   tracer_, sampler,  counts_,
                            outputs_, groups_, guiding_, emission_};
   FilmSample film;

@@ -12,7 +12,8 @@ enum class PathKind : uint8_t {
   kCamera,             // At the camera; they alone make the image.
   kCameraBesideLight,  // At the camera; light paths find part of the light.
   kLight,              // At a light.
-  kEye,                // At one of two eyes, which share their paths: worker/render/views.
+  kEye,                // At one of two eyes, which share their paths: worker/render/eyes.
+  kMutated,            // At the camera, by numbers that a chain moves: worker/render/mutations.
 };
 
 }  // namespace sheaf::render

@@ -332,6 +332,10 @@ class PlanMaker {
     if (LearnsLights(techniques)) {
       plan->notes.emplace_back("learned lights: regions sample those that a training saw there");
     }
+    if (MutatesPaths(techniques)) {
+      plan->notes.emplace_back(
+          "mutations: samples 32 times as bright as their region start chains of 64 mutations");
+    }
     if (!IsGuided(techniques)) return;
     plan->notes.emplace_back(
         "guiding: camera paths also sample directions from the light that a training finds before "
@@ -371,7 +375,9 @@ class PlanMaker {
     }
     const bool generic = settings.force_generic_variant;
     const Variant variant =
-        HasOneTile(settings) ? AllEyeVariants()[ChooseEyeVariant(plan.traits, generic)]
+        MutatesPaths(settings.techniques)
+            ? AllMutationVariants()[ChooseMutationVariant(plan.traits, generic)]
+        : HasOneTile(settings) ? AllEyeVariants()[ChooseEyeVariant(plan.traits, generic)]
         : HasLightPaths(settings.techniques)
             ? AllLightPathVariants()[ChooseLightPathVariant(plan.traits, generic)]
             : AllVariants()[ChooseVariant(plan.traits, generic)];

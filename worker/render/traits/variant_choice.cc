@@ -23,6 +23,7 @@ struct Entry {
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 constexpr Entry kLightPathEntries[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
 constexpr Entry kEyeEntries[] = {SHEAF_EYE_VARIANTS(SHEAF_VARIANT_ENTRY)};
+constexpr Entry kMutationEntries[] = {SHEAF_MUTATION_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
 
 // Cost of the traits that a variant includes for other scenes: first by those that every path pays
@@ -67,6 +68,11 @@ size_t ChooseLightPathVariant(uint32_t traits, bool force_generic) {
 std::vector<Variant> AllEyeVariants() { return VariantsOf(kEyeEntries); }
 size_t ChooseEyeVariant(uint32_t traits, bool force_generic) {
   return ChooseAmong(kEyeEntries, traits, force_generic);
+}
+
+std::vector<Variant> AllMutationVariants() { return VariantsOf(kMutationEntries); }
+size_t ChooseMutationVariant(uint32_t traits, bool force_generic) {
+  return ChooseAmong(kMutationEntries, traits, force_generic);
 }
 
 }  // namespace sheaf::render

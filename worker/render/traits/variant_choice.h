@@ -30,4 +30,8 @@ size_t ChooseLightPathVariant(uint32_t traits, bool force_generic);
 std::vector<Variant> AllEyeVariants();
 size_t ChooseEyeVariant(uint32_t traits, bool force_generic);
 
+// The same for the variants of frames with chains of mutations.
+std::vector<Variant> AllMutationVariants();
+size_t ChooseMutationVariant(uint32_t traits, bool force_generic);
+
 }  // namespace sheaf::render

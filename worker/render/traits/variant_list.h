@@ -176,6 +176,12 @@ inline constexpr uint32_t kCloudTraits =
   X("spectral generic", ::sheaf::render::kAllSpectralTraits)                                   \
   X("generic", ::sheaf::render::kAllTraits)
 
+// The variants of frames whose bright samples start chains of mutations. Few: such frames are rare.
+#define SHEAF_MUTATION_VARIANTS(X)                                       \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits)             \
+  X("generic", ::sheaf::render::kAllTraits)
+
 // The variants of frames whose paths count in several pixels, such as stereo frames.
 #define SHEAF_EYE_VARIANTS(X)                                                                   \
   X("common", ::sheaf::render::CommonTraits(false, false, false, false))                        \
