@@ -25,6 +25,10 @@ constexpr float kCoordinateError = 0x1p-21f;
 // Error bound of cosines between unit vectors in float.
 constexpr float kCosineError = 0x1p-20f;
 constexpr double kBelowOne = 1 - 0x1p-53;
+// Keeps directions to lights around the point finite.
+constexpr float kDistanceMin = 0x1p-62f;
+// Variance of positions on a disk, along an axis, over its squared radius.
+constexpr float kDiskVariance = 0.25f;
 
 }  // namespace
 
@@ -34,7 +38,14 @@ struct LightChoice::Block {
   // Returns for each light an estimate of the unoccluded irradiance at p on a plane of normal n, or
   // on a plane that faces the light where n is zero. 0 only for lights that emit nothing, certainly
   // face away or lie behind p.
-  Lanes WeightsAt(Vec3f p, Vec3f n) const;
+  Lanes WeightsAt(Vec3f p, Vec3f n) const { return WeightsBy<false>(p, n, nullptr); }
+  // The same for what is reflected at p, in units of irradiance by the sketch's diffuse part.
+  Lanes ProductsAt(Vec3f p, Vec3f n, const LobeSketch& sketch) const {
+    return WeightsBy<true>(p, n, &sketch);
+  }
+  // Inlined into both. sketch: null in WeightsAt.
+  template <bool kIsProduct>
+  [[gnu::always_inline]] inline Lanes WeightsBy(Vec3f p, Vec3f n, const LobeSketch* sketch) const;
 
   Lanes center_x{}, center_y{}, center_z{}, center_reach{};
   Lanes normal_x{}, normal_y{}, normal_z{};
@@ -76,7 +87,9 @@ LightChoice::Block::Block(const LightBounds* lights, size_t count) {
   }
 }
 
-inline Lanes LightChoice::Block::WeightsAt(Vec3f p, Vec3f n) const {
+template <bool kIsProduct>
+inline Lanes LightChoice::Block::WeightsBy(Vec3f p, Vec3f n,
+                                           [[maybe_unused]] const LobeSketch* sketch) const {
   const Lanes x = p.x - center_x, y = p.y - center_y, z = p.z - center_z;
   const Lanes d_squared = x * x + y * y + z * z, d = Sqrt(d_squared);
   const float reach = std::fabs(p.x) + std::fabs(p.y) + std::fabs(p.z);
@@ -89,9 +102,17 @@ inline Lanes LightChoice::Block::WeightsAt(Vec3f p, Vec3f n) const {
   // Upper bounds of the cosines of any part of the light.
   const Lanes at_light = Abs(height) + radius;
   weight *= (is_planar & (at_light < d)) ? at_light / d : All(1);
-  if (n != Vec3f{}) weight *= rise < d ? rise / d : All(1);
+  if constexpr (kIsProduct) {
+    const Lanes inverse_d = 1 / Max(All(kDistanceMin), d);
+    const Lanes spread = radius * inverse_d;
+    weight *= (n == Vec3f{} ? All(1) : (rise < d ? rise / d : All(1))) +
+              sketch->LobeAt(-x, -y, -z, inverse_d, kDiskVariance * spread * spread);
+  } else if (n != Vec3f{}) {
+    weight *= rise < d ? rise / d : All(1);
+  }
   weight = Max(All(kWeightMin), weight);
-  weight = Min(All(kWeightMax), is_infinite ? strength : weight);
+  const Lanes of_infinite = kIsProduct ? strength * sketch->OfAllDirections() : strength;
+  weight = Min(All(kWeightMax), is_infinite ? of_infinite : weight);
   return (strength > 0) & (is_infinite | ~is_none) ? weight : Lanes{};
 }
 
@@ -137,8 +158,16 @@ inline LightChoice::Weights LightChoice::Weigh(Vec3f p, Vec3f n, [[maybe_unused]
   Weights w;
   float sum = 0, positive_count = 0;
   for (size_t b = 0; b < blocks_.size(); ++b) {
-    w.probability[b] = blocks_[b].WeightsAt(p, n);
-    if constexpr (kHasFactors<Row>) w.probability[b] *= VisibilityFactors(row, b * kLaneCount);
+    if constexpr (kHasSketch<Row>) {
+      w.probability[b] = blocks_[b].ProductsAt(p, n, *row.sketch);
+    } else {
+      w.probability[b] = blocks_[b].WeightsAt(p, n);
+    }
+    if constexpr (kHasFactors<Row>) {
+      if (!kHasSketch<Row> || row.steps != nullptr) {
+        w.probability[b] *= VisibilityFactors(row, b * kLaneCount);
+      }
+    }
     sum += Sum(w.probability[b]);
     positive_count += Sum(w.probability[b] > 0 ? All(1) : Lanes{});
   }
@@ -162,9 +191,14 @@ double LightChoice::InfiniteProbability(Vec3f p, Vec3f n, Row row) const {
   const double local_irradiance = tree_.empty() ? 0 : tree_.Irradiance(p, n, row);
   if (!(local_irradiance > 0)) return 1;
   double infinite_irradiance = infinite_irradiance_;
+  if constexpr (kHasSketch<Row>) {
+    infinite_irradiance *= static_cast<double>(row.sketch->OfAllDirections());
+  }
   if constexpr (kHasFactors<Row>) {
     const size_t slot = row.links == nullptr ? tree_.visibility_slot_count() : kCutSlots;
-    infinite_irradiance *= static_cast<double>(VisibilityFactor(row, slot));
+    if (!kHasSketch<Row> || row.steps != nullptr) {
+      infinite_irradiance *= static_cast<double>(VisibilityFactor(row, slot));
+    }
   }
   return std::clamp(infinite_irradiance / (infinite_irradiance + local_irradiance),
                     kGroupProbabilityMin, 1 - kGroupProbabilityMin);
@@ -225,7 +259,9 @@ uint64_t LightChoice::memory_bytes() const {
 template <typename Row>
 std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64_t salt,
                                                Row row) const {
-  if constexpr (kHasFactors<Row>) {
+  if constexpr (kHasSketch<Row>) {
+    if (row.sketch == nullptr) return Choose(p, n, u, salt, LightVisibilityRow(row));
+  } else if constexpr (kHasFactors<Row>) {
     if (row.steps == nullptr) return Choose(p, n, u, salt);
   }
   if (count_ == 1) return ChosenLight{0, 1};
@@ -259,7 +295,9 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
 
 template <typename Row>
 float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n, Row row) const {
-  if constexpr (kHasFactors<Row>) {
+  if constexpr (kHasSketch<Row>) {
+    if (row.sketch == nullptr) return Probability(light, p, n, LightVisibilityRow(row));
+  } else if constexpr (kHasFactors<Row>) {
     if (row.steps == nullptr) return Probability(light, p, n);
   }
   if (count_ == 1) return 1;
@@ -304,6 +342,17 @@ ChosenLight LightChoice::ChooseFrom(const LightCut& cut, size_t part, Vec3f p, V
 template <typename Row>
 float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n, SplitLightQuery<Row> query) const {
   if (!splits_ || query.samples_max <= 1) return Probability(light, p, n, query.row);
+  if constexpr (kHasSketch<Row>) {
+    return Probability(light, p, n,
+                       SplitLightQuery<LightVisibilityRow>{query.row, query.samples_max});
+  } else {
+    return ProbabilityInPart(light, p, n, query);
+  }
+}
+
+template <typename Row>
+float LightChoice::ProbabilityInPart(uint32_t light, Vec3f p, Vec3f n,
+                                     SplitLightQuery<Row> query) const {
   if constexpr (kHasFactors<Row>) {
     if (query.row.steps == nullptr) {
       return Probability(light, p, n, SplitLightQuery<NoLightVisibilityRow>{{}, query.samples_max});
@@ -319,10 +368,16 @@ float LightChoice::Probability(uint32_t light, Vec3f p, Vec3f n, SplitLightQuery
   template std::optional<ChosenLight> LightChoice::Choose(Vec3f, Vec3f, float, uint64_t, row) \
       const;                                                                                  \
   template float LightChoice::Probability(uint32_t, Vec3f, Vec3f, row) const;                 \
-  template LightCut LightChoice::CutAt(Vec3f, Vec3f, uint32_t, row) const;                    \
-  template ChosenLight LightChoice::ChooseFrom(const LightCut&, size_t, Vec3f, Vec3f, float,  \
-                                               uint64_t, row) const;                          \
   template float LightChoice::Probability(uint32_t, Vec3f, Vec3f, SplitLightQuery<row>) const;
+SHEAF_INSTANTIATE_FOR(NoLightVisibilityRow)
+SHEAF_INSTANTIATE_FOR(LightVisibilityRow)
+SHEAF_INSTANTIATE_FOR(ProductRow)
+#undef SHEAF_INSTANTIATE_FOR
+
+#define SHEAF_INSTANTIATE_FOR(row)                                                           \
+  template LightCut LightChoice::CutAt(Vec3f, Vec3f, uint32_t, row) const;                   \
+  template ChosenLight LightChoice::ChooseFrom(const LightCut&, size_t, Vec3f, Vec3f, float, \
+                                               uint64_t, row) const;
 SHEAF_INSTANTIATE_FOR(NoLightVisibilityRow)
 SHEAF_INSTANTIATE_FOR(LightVisibilityRow)
 #undef SHEAF_INSTANTIATE_FOR

@@ -57,8 +57,8 @@ class LightChoice {
 
   // Chooses a light as seen from p; none where no light reaches p. n: unit normal at p, zero to
   // accept light from all directions; lights behind n do not count. salt: bits independent of u
-  // (SaltOf). row: of the region of p, for this choice's slots. Row: LightVisibilityRow or
-  // NoLightVisibilityRow.
+  // (SaltOf). row: of the region of p, for this choice's slots, and the sketch of the point there.
+  // Row: LightVisibilityRow, NoLightVisibilityRow or ProductRow.
   template <typename Row = NoLightVisibilityRow>
   std::optional<ChosenLight> Choose(Vec3f p, Vec3f n, float u, uint64_t salt, Row row = {}) const;
   // The probability with which Choose returns the light at p, bit for bit.
@@ -77,7 +77,7 @@ class LightChoice {
   ChosenLight ChooseFrom(const LightCut& cut, size_t part, Vec3f p, Vec3f n, float u, uint64_t salt,
                          Row row = {}) const;
   // The probability of the light within its part, as of ChooseFrom, bit for bit; where the query is
-  // for a single sample, or there are no parts, as of Choose.
+  // for a single sample, or there are no parts, as of Choose. Parts do not depend on sketches.
   template <typename Row>
   float Probability(uint32_t light, Vec3f p, Vec3f n, SplitLightQuery<Row> query) const;
 
@@ -120,6 +120,8 @@ class LightChoice {
   template <typename Row>
   double InfiniteProbability(Vec3f p, Vec3f n, Row row) const;
   float ProbabilityInfinite(size_t rank, double infinite_probability) const;
+  template <typename Row>
+  float ProbabilityInPart(uint32_t light, Vec3f p, Vec3f n, SplitLightQuery<Row> query) const;
   // The light's rank among infinite_lights_; none if it is not one of them.
   std::optional<size_t> InfiniteRank(uint32_t light) const;
 

@@ -24,6 +24,8 @@ constexpr float kChildWeightMin = 0x1p-100f, kChildWeightMax = 0x1p100f;
 constexpr float kDistanceSquaredMin = 0x1p-125f;
 // Fraction of a box's squared radius that is added to the squared distance of its lights.
 constexpr float kFarPart = 1 / 8.0f;
+// Variance of positions across a box, along an axis, over its squared radius: that of a cube.
+constexpr float kBoxVariance = 1 / 9.0f;
 
 // One lane per child of a node.
 static_assert(LightTree::kWidth == kLaneCount);
@@ -41,8 +43,11 @@ inline Lanes LoadShorts(const int16_t (&values)[kLaneCount]) {
 }  // namespace
 
 // Estimates intensity * cosine at the light * cosine at the receiver / distance^2 for each child,
-// each factor as a mean over its lights or close to it.
-LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) {
+// each factor as a mean over its lights or close to it; as a product, with the lobe of the sketch
+// added to the cosine at the receiver.
+template <bool kIsProduct>
+inline LightTree::Weights LightTree::WeighBy(const Node& node, const Receiver& receiver,
+                                             [[maybe_unused]] const LobeSketch* sketch) {
   const Vec3f from_p = node.origin - receiver.p, n = receiver.n, n_abs = receiver.n_abs;
   const Vec3f step = node.step;
   const float node_reach = std::fabs(node.origin.x) + std::fabs(node.origin.y) +
@@ -108,8 +113,11 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   const Lanes cos_receiver = Max(All(receiver.unhinted), Min(All(1), mean_rise / way));
 
   const Lanes intensity = LoadLanes<Lanes>(node.intensity);
-  const Lanes weight = intensity / far_squared *
-                       (Max(All(kCosineSlack), turned) * Max(All(kCosineSlack), cos_receiver));
+  Lanes received = Max(All(kCosineSlack), cos_receiver);
+  if constexpr (kIsProduct) {
+    received += sketch->LobeAt(dx, dy, dz, inverse_d, kBoxVariance * (r_squared / d_squared));
+  }
+  const Lanes weight = intensity / far_squared * (Max(All(kCosineSlack), turned) * received);
   const MaskLanes is_none = (cos_light < cos_emission) | (rise < 0) | (intensity <= 0);
   Weights weights;
   weights.of_child =
@@ -118,6 +126,15 @@ LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) 
   weights.intensity = (weights.sum > 0 ? is_none : MaskLanes{}) ? Lanes{} : intensity;
   weights.intensity_sum = Sum(weights.intensity);
   return weights;
+}
+
+LightTree::Weights LightTree::Weigh(const Node& node, const Receiver& receiver) {
+  return WeighBy<false>(node, receiver, nullptr);
+}
+
+LightTree::Weights LightTree::WeighProduct(const Node& node, const Receiver& receiver,
+                                           const LobeSketch& sketch) {
+  return WeighBy<true>(node, receiver, &sketch);
 }
 
 template <typename Row>
@@ -172,6 +189,7 @@ LightTree::Share LightTree::ShareOf(uint32_t light, Vec3f p, Vec3f n) const {
   template float LightTree::Probability(uint32_t, Vec3f, Vec3f, row) const;
 SHEAF_INSTANTIATE_FOR(NoLightVisibilityRow)
 SHEAF_INSTANTIATE_FOR(LightVisibilityRow)
+SHEAF_INSTANTIATE_FOR(ProductRow)
 #undef SHEAF_INSTANTIATE_FOR
 
 }  // namespace sheaf::render

@@ -16,7 +16,9 @@
 // changes by a power of two.
 //
 // Regions of space may have learned which children of some nodes are hidden from them
-// (LightVisibility): a walk that follows the estimates multiplies them by the learned factors.
+// (LightVisibility): a walk that follows the estimates multiplies them by the learned factors. And
+// the point may have a sketch of how it reflects (LobeSketch): then a child's estimate is of what
+// the point reflects of it.
 //
 // CutAt splits the tree at a point: it divides the lights into several parts, of which each is
 // sampled. A part is a run of children of one node. Splitting begins with the whole tree, and
@@ -35,6 +37,7 @@
 #include "common/math/lanes.h"
 #include "worker/render/light/light_bounds.h"
 #include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/lobe_sketch.h"
 
 namespace sheaf::render {
 
@@ -63,10 +66,11 @@ class LightTree {
 
   // In all of these, n is a unit normal at p, or zero to accept light from all directions. Lights
   // behind n do not count. row: of the region of p, for this tree's slots, not null. Row:
-  // LightVisibilityRow or NoLightVisibilityRow.
+  // LightVisibilityRow, NoLightVisibilityRow or, for all but parts, ProductRow with a sketch.
 
-  // A rough estimate of the unoccluded irradiance at p. 0 only where certainly none arrives.
-  // Requires: !empty().
+  // A rough estimate of the unoccluded irradiance at p; with a sketch, of what is reflected, in
+  // units of irradiance by the diffuse part. 0 only where certainly none arrives. Requires:
+  // !empty().
   template <typename Row = NoLightVisibilityRow>
   double Irradiance(Vec3f p, Vec3f n, Row row = {}) const;
   // Chooses a light as seen from p; none where Irradiance is 0. Requires: !empty(), u in [0, 1).
@@ -196,6 +200,11 @@ class LightTree {
   class Splitter;
   SlotPath PathTo(uint32_t light) const;
   static Weights Weigh(const Node& node, const Receiver& receiver);
+  static Weights WeighProduct(const Node& node, const Receiver& receiver, const LobeSketch& sketch);
+  // Inlined into both. sketch: null in Weigh.
+  template <bool kIsProduct>
+  [[gnu::always_inline]] static inline Weights WeighBy(const Node& node, const Receiver& receiver,
+                                                       const LobeSketch* sketch);
   // block: the row's, for the node's children.
   template <typename Row>
   Weights WeighNode(uint32_t index, const Receiver& receiver, Row row, uint32_t block) const;

@@ -78,7 +78,13 @@ template <typename Row>
 inline LightTree::Weights LightTree::WeighNode(uint32_t index, const Receiver& receiver,
                                                [[maybe_unused]] Row row,
                                                [[maybe_unused]] uint32_t block) const {
-  Weights weights = Weigh(nodes_[index], receiver);
+  Weights weights;
+  if constexpr (kHasSketch<Row>) {
+    weights = WeighProduct(nodes_[index], receiver, *row.sketch);
+    if (row.steps == nullptr) return weights;
+  } else {
+    weights = Weigh(nodes_[index], receiver);
+  }
   if constexpr (kHasFactors<Row>) {
     if (block < kVisibilityNodesMax) {
       weights.of_child *= VisibilityFactors(row, block * kWidth);

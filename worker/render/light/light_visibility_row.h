@@ -53,7 +53,7 @@ struct NoLightVisibilityRow {
   static uint32_t BlockBelow(uint32_t, size_t, uint32_t) { return kNoBlock; }
 };
 template <typename Row>
-inline constexpr bool kHasFactors = std::is_same_v<Row, LightVisibilityRow>;
+inline constexpr bool kHasFactors = std::is_base_of_v<LightVisibilityRow, Row>;
 
 template <uint32_t kTraits>
 using LightVisibilityRowOf =
