@@ -154,6 +154,10 @@ class PlanCommand : public Command {
       const TechniqueSet learned = measured.BestOfPlain().With(Technique::kLearnedLights);
       gains[learned.Name()] = measured.Gain(learned);
     }
+    if (measured.product) {
+      const TechniqueSet by_product = measured.BestOfPlain().With(Technique::kProduct);
+      gains[by_product.Name()] = measured.Gain(by_product);
+    }
     if (measured.merged) gains[merging.Name()] = measured.Gain(merging);
     if (measured.emission_guided) gains[guided.Name()] = measured.Gain(guided);
     if (measured.emission_guided_merged) gains[both.Name()] = measured.Gain(both);
@@ -178,6 +182,10 @@ class PlanCommand : public Command {
     if (measured.learned_lights) {
       json["learned_lights"] = cost(*measured.learned_lights);
       json["gain_of_learned_lights"] = measured.GainOfLearnedLights();
+    }
+    if (measured.product) {
+      json["product"] = cost(*measured.product);
+      json["gain_of_product"] = measured.GainOfProduct();
     }
     if (measured.emission_guided_merged) {
       json["emission_guided_merged"] = cost(*measured.emission_guided_merged);

@@ -194,7 +194,7 @@ void ParseTechniques(const std::string& text, RenderSettings* settings) {
       kTechniquesOption,
       absl::IsNotFound(techniques.status())
           ? absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
-                         " or these with +learned-lights, +merging or "
+                         " or these with +learned-lights, +product, +merging or "
                          "+emission-guiding, or camera "
                          "with +sharing, +sharing+views or +mutations",
                          NearestNameHint(text, words))
@@ -249,7 +249,9 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "matters most. +emission-guiding: paths from lights begin where, as the training found, "
           "light reaches the picture, for pictures of a small part of the scene. +learned-lights: "
           "vertices sample the lights that a short training found to be seen from there, for many "
-          "lights behind walls. +merging: paths "
+          "lights behind walls. +product: rough metals and coats sample the lights that they "
+          "reflect to the camera, for many lights over glossy surfaces; off beside light paths. "
+          "+merging: paths "
           "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "
           "by a blur, which errors include. +sharing: paths from the camera count in all pixels "
           "whose filters cover them; +views: and through several points of the lens and, if only "

@@ -1,16 +1,19 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// learned_lights_bench SCENE [SAMPLES] [WIDTH] [LEAST]: gain of learned lights (docs/adr/0190). It
+// learned_lights_bench SCENE [SAMPLES] [WIDTH] [LEAST] [TECHNIQUES]: gain of learned lights
+// (docs/adr/0190), or of other ways of choosing lights, such as camera+product (docs/adr/0240). It
 // renders the scene file by camera paths with lights that are chosen by the tree's estimates, and
-// with learned lights, by the same number of samples, and prints
+// by the techniques (camera+learned-lights), by the same number of samples, and prints
 // - relMSE, from the spread of the replicates, relative to the squares of the mean of both images,
+// - the mean of the image, with its standard error,
 // - the thread's seconds, and those of the training, which are part of them,
-// - how many times smaller relMSE times seconds is with learned lights.
+// - how many times smaller relMSE times seconds is by the techniques.
 // Exits with 1 where that is below LEAST, or where the training takes more than a fiftieth of the
 // time of 64 samples. WIDTH: of the image, in pixels; 0: as in the file.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -85,10 +88,10 @@ absl::StatusOr<Measured> Measure(const std::filesystem::path& path, uint64_t sam
   return measured;
 }
 
-int Run(const std::filesystem::path& path, uint64_t samples, int32_t width_px, double least) {
+int Run(const std::filesystem::path& path, uint64_t samples, int32_t width_px, double least,
+        TechniqueSet other) {
   std::array<Measured, 2> sides;
-  const std::array<TechniqueSet, 2> techniques{TechniqueSet::kCamera,
-                                               TechniqueSet{Technique::kLearnedLights}};
+  const std::array<TechniqueSet, 2> techniques{TechniqueSet::kCamera, other};
   for (size_t side = 0; side < 2; ++side) {
     absl::StatusOr<Measured> measured = Measure(path, samples, width_px, techniques[side]);
     if (!measured.ok()) {
@@ -109,9 +112,15 @@ int Run(const std::filesystem::path& path, uint64_t samples, int32_t width_px, d
       errors[side] += sides[side].variances[i] / (mean * mean + 0.01 * whole * whole) /
                       static_cast<double>(pixels);
     }
-    std::printf("%-24s relMSE %10.3e  %8.2f s  training %6.3f s  %llu rays\n",
+    double mean = 0, variance = 0;
+    for (size_t i = 0; i < pixels; ++i) {
+      mean += sides[side].means[i] / static_cast<double>(pixels);
+      variance += sides[side].variances[i] / static_cast<double>(pixels * pixels);
+    }
+    std::printf("%-24s relMSE %10.3e  %8.2f s  training %6.3f s  %llu rays  mean %.5g +- %.2g\n",
                 techniques[side].Name().c_str(), errors[side], sides[side].seconds,
-                sides[side].training_seconds, static_cast<unsigned long long>(sides[side].rays));
+                sides[side].training_seconds, static_cast<unsigned long long>(sides[side].rays),
+                mean, std::sqrt(variance));
   }
   const double gain = errors[0] * sides[0].seconds / (errors[1] * sides[1].seconds);
   const double of_samples = sides[1].seconds - sides[1].training_seconds,
@@ -128,12 +137,14 @@ int Run(const std::filesystem::path& path, uint64_t samples, int32_t width_px, d
 
 int main(int argc, char** argv) {
   const long samples = argc > 2 ? std::atol(argv[2]) : 16;
-  if (argc < 2 || samples < 16) {
+  const auto techniques = sheaf::TechniqueSet::Parse(argc > 5 ? argv[5] : "camera+learned-lights");
+  if (argc < 2 || samples < 16 || !techniques.ok()) {
     std::fprintf(stderr,
-                 "learned_lights_bench SCENE [SAMPLES] [WIDTH] [LEAST]: at least 16 "
-                 "samples of a pixel\n");
+                 "learned_lights_bench SCENE [SAMPLES] [WIDTH] [LEAST] [TECHNIQUES]: at least 16 "
+                 "samples of a pixel, and names as of --techniques\n");
     return 1;
   }
   return sheaf::render::Run(argv[1], static_cast<uint64_t>(samples),
-                            argc > 3 ? std::atoi(argv[3]) : 0, argc > 4 ? std::atof(argv[4]) : 0);
+                            argc > 3 ? std::atoi(argv[3]) : 0, argc > 4 ? std::atof(argv[4]) : 0,
+                            *techniques);
 }

@@ -109,9 +109,11 @@ def page(rows, samples, public):
         "shows a small part of the scene, `+emission-guiding` learns where light paths begin that "
         "reach it: [ADR 128](adr/0128-emission-is-guided.md). Where most of many lights are behind "
         "walls, `+learned-lights` learns which ones each region sees: "
-        "[ADR 190](adr/0190-lights-are-learned-alone.md). `+mutations` spreads samples "
-        "that are far too bright; it gained in no scene against the best of the others, and is "
-        "closed by the kill rule: [mutations](mutations.md).", "",
+        "[ADR 190](adr/0190-lights-are-learned-alone.md). Where many lights are over glossy "
+        "surfaces, `+product` samples those that a point reflects to the camera: "
+        "[ADR 240](adr/0240-lights-by-product.md). `+mutations` spreads samples that are far too "
+        "bright; it gained in no scene against the best of the others, and is closed by the kill "
+        "rule: [mutations](mutations.md).", "",
         "| scene | techniques | relMSE | CPU s | efficiency | light that light paths find | auto |",
         "|---|---|---|---|---|---|---|"]
     for row in rows:

@@ -151,6 +151,19 @@ TEST(LearnedLightsTest, FindWhatTheCameraFindsBesideLightPathsAndGuiding) {
   }
 }
 
+TEST(LightsByProductTest, FindWhatTheCameraFinds) {
+  const std::vector<TestScene> scenes = {ManyLights(kColored), Outdoor(kColored),
+                                         DividedHall(kColored)};
+  uint64_t seed = 9000;
+  for (const TechniqueSet others :
+       {TechniqueSet::kCamera, kLearnedLights, TechniqueSet::kCameraGuided}) {
+    const TechniqueSet by_product = others.With(Technique::kProduct);
+    seed += 1000;
+    ExpectGuidedAgree(by_product.Name(), scenes, BiasOfNoisyPair(),
+                      {.techniques = by_product, .samples = 64}, seed);
+  }
+}
+
 // Where light comes through a slit alone, the variance is 2.4 times smaller.
 TEST(GuidedPathTest, HaveLessNoiseWhereLightIsHardToFind) {
   const TestScene room = SlitRoom(kColored, 0.1f);

@@ -186,6 +186,18 @@ TEST(VariantsTest, LearnedLightsHaveVariantsOfTheirOwn) {
   EXPECT_EQ(plan.variant_name.rfind("learned lights", 0), 0u) << plan.variant_name;
   ASSERT_EQ(plan.notes.size(), 2u);
   EXPECT_EQ(plan.notes[1].rfind("learned lights: ", 0), 0u) << plan.notes[1];
+  // Choices by product have the same variants, and do nothing beside light paths.
+  settings.techniques = {Technique::kProduct};
+  const RenderPlan product = MakeRenderPlan(t.scene, settings);
+  EXPECT_EQ(product.variant_name, plan.variant_name);
+  ASSERT_EQ(product.notes.size(), 2u);
+  EXPECT_EQ(product.notes[1].rfind("product: rough metals", 0), 0u) << product.notes[1];
+  settings.techniques = {Technique::kProduct, Technique::kLightPaths};
+  const RenderPlan beside = MakeRenderPlan(t.scene, settings);
+  EXPECT_FALSE(Has(beside.traits, Trait::kLearnedLights));
+  ASSERT_EQ(beside.notes.size(), 2u);
+  EXPECT_EQ(beside.notes[1].rfind("product: off beside light paths", 0), 0u) << beside.notes[1];
+  settings.techniques = {Technique::kLearnedLights};
   // Guided frames know lights in their own variants.
   settings.techniques = settings.techniques.With(Technique::kGuiding);
   EXPECT_FALSE(Has(MakeRenderPlan(t.scene, settings).traits, Trait::kLearnedLights));

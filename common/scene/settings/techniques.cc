@@ -34,6 +34,7 @@ constexpr TechniqueRow kTechniques[] = {
     {Technique::kSharing, "sharing", {}, true},
     {Technique::kViews, "views", {Technique::kSharing}, true},
     {Technique::kLearnedLights, "learned-lights", {}, true},
+    {Technique::kProduct, "product", {}, true},
     {Technique::kMutations, "mutations", {}, true},
 };
 

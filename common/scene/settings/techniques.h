@@ -46,9 +46,12 @@ enum class Technique : uint8_t {
   // Light samples go by rows of a learned field: which lights are hidden from a region, and which
   // bring more or less than estimates say. Guided frames learn less of them (docs/adr/0190).
   kLearnedLights = 8,
+  // Light samples go by the product of a light's estimate and a sketch of how the surface reflects
+  // (docs/adr/0240). Beside light paths it does nothing: ChoosesByProduct.
+  kProduct = 9,
   // Camera samples far brighter than their region start chains of mutations, which spread them over
   // similar paths. Frames have it beside no other technique (path_shares.h).
-  kMutations = 9,
+  kMutations = 10,
 };
 
 // The techniques of a frame: paths from the camera and what is added to them.
@@ -161,6 +164,12 @@ constexpr bool SharesViews(TechniqueSet techniques) { return techniques.Has(Tech
 // Whether regions learn which lights to sample, in cuts of the light tree.
 constexpr bool LearnsLights(TechniqueSet techniques) {
   return techniques.Has(Technique::kLearnedLights);
+}
+// Whether camera paths choose lights by what the surface reflects of them. Not beside light paths:
+// these weigh the light samples of a camera path at a vertex before they know from where the camera
+// sees it, on which the choice depends.
+constexpr bool ChoosesByProduct(TechniqueSet techniques) {
+  return techniques.Has(Technique::kProduct) && !HasLightPaths(techniques);
 }
 // Whether fields are learned before the first sample.
 constexpr bool NeedsTraining(TechniqueSet techniques) {

@@ -89,6 +89,8 @@ TEST(TechniqueSetTest, NamesTellWhatASetHas) {
     const std::string words = "+" + name + "+";
     EXPECT_EQ(HasLightPaths(set), words.find("+light+") != std::string::npos) << name;
     EXPECT_EQ(LearnsLights(set), words.find("+learned-lights+") != std::string::npos) << name;
+    EXPECT_EQ(set.Has(Technique::kProduct), words.find("+product+") != std::string::npos) << name;
+    EXPECT_EQ(ChoosesByProduct(set), set.Has(Technique::kProduct) && !HasLightPaths(set)) << name;
     EXPECT_EQ(IsGuided(set), name.find("+guiding") != std::string::npos) << name;
     EXPECT_EQ(SplitsPaths(set), name.find("splitting") != std::string::npos) << name;
     EXPECT_EQ(GuidesEmission(set), name.find("+emission-guiding") != std::string::npos) << name;

@@ -361,7 +361,8 @@ constexpr Change kChanges[] = {
     {Trait::kLearnedLights, "lights are chosen by estimates alone",
      [](AblatedScene* without) {
        without->settings.techniques =
-           without->settings.techniques.Without(Technique::kLearnedLights);
+           without->settings.techniques.Without(Technique::kLearnedLights)
+               .Without(Technique::kProduct);
      }},
     {Trait::kLightSplits, "each vertex takes one light sample",
      [](AblatedScene* without) { without->settings.light_samples = 0; }},

@@ -125,6 +125,7 @@ TechniqueMeasurement TechniqueJudge::Measure() const {
   result.merged = CostOf(base.With(Technique::kMerging));
   result.split = CostOf(result.BestOfPlain().With(Technique::kSplitting));
   result.learned_lights = CostOf(result.BestOfPlain().With(Technique::kLearnedLights));
+  result.product = CostOf(result.BestOfPlain().With(Technique::kProduct));
   result.emission_guided = CostOf(base.With(Technique::kEmissionGuiding));
   result.emission_guided_merged =
       CostOf(base.With(Technique::kMerging).With(Technique::kEmissionGuiding));

@@ -33,7 +33,8 @@ bool IsPromising(const TechniqueMeasurement& look, TechniqueEffort effort) {
   };
   return promises(TechniqueSet::kCameraAndLight) || promises(TechniqueSet::kCameraGuided) ||
          (look.merged && promises(TechniqueSet::kCameraAndLight.With(Technique::kMerging))) ||
-         (look.learned_lights && promises(look.BestOfPlain().With(Technique::kLearnedLights)));
+         (look.learned_lights && promises(look.BestOfPlain().With(Technique::kLearnedLights))) ||
+         (look.product && promises(look.BestOfPlain().With(Technique::kProduct)));
 }
 
 // The fraction of the frame's samples, rounded down to a power of two.
@@ -59,6 +60,10 @@ absl::Status RenderAdditions(const TechniqueMeasurement& found, PilotRenderer* r
   const TechniqueSet plain = found.BestOfPlain();
   if (renderer->ChoosesLights()) {
     absl::Status status = Render({plain.With(Technique::kLearnedLights)}, renderer, pilots);
+    if (!status.ok()) return status;
+  }
+  if (renderer->MayChooseByProduct() && !HasLightPaths(plain)) {
+    absl::Status status = Render({plain.With(Technique::kProduct)}, renderer, pilots);
     if (!status.ok()) return status;
   }
   if (IsGuided(plain)) {
@@ -87,6 +92,9 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, b
   } else if (status.ok() && renderer->ChoosesLights()) {
     status = Render({TechniqueSet{Technique::kLearnedLights}}, renderer, &pilots);
   }
+  if (status.ok() && !thorough && renderer->MayChooseByProduct()) {
+    status = Render({TechniqueSet{Technique::kProduct}}, renderer, &pilots);
+  }
   if (!status.ok()) return status;
   const absl::StatusOr<bool> merges =
       may_merge ? renderer->SeesThroughSpecular() : absl::StatusOr<bool>(false);
@@ -112,6 +120,7 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, b
 
 const TechniqueCost* TechniqueMeasurement::Find(TechniqueSet techniques) const {
   const auto of = [](const std::optional<TechniqueCost>& cost) { return cost ? &*cost : nullptr; };
+  if (techniques.Has(Technique::kProduct)) return of(product);
   if (LearnsLights(techniques)) return of(learned_lights);
   const bool merges = MergesLightPaths(techniques);
   if (GuidesEmission(techniques)) return of(merges ? emission_guided_merged : emission_guided);
@@ -137,6 +146,10 @@ double TechniqueMeasurement::GainOfMerging() const {
 
 double TechniqueMeasurement::GainOfLearnedLights() const {
   return RatioOf(BestOfPlain(), BestOfPlain().With(Technique::kLearnedLights));
+}
+
+double TechniqueMeasurement::GainOfProduct() const {
+  return RatioOf(BestOfPlain(), BestOfPlain().With(Technique::kProduct));
 }
 
 double TechniqueMeasurement::Gain(TechniqueSet techniques) const {
@@ -243,6 +256,15 @@ TechniqueSet TechniqueMeasurement::Best() const {
                                                     : GainOfLearnedLights() >= kCombinationGainMin;
     if (pays) best = best.With(Technique::kLearnedLights);
   }
+  // Products were measured beside the plain ones alone, and take the place of learned lights where
+  // they gain more.
+  const TechniqueSet by_product = unsplit.With(Technique::kProduct);
+  if (product && (best == unsplit || best == learned) && product->ErrorTimesCost() > 0 &&
+      (best == unsplit || GainOfProduct() > GainOfLearnedLights())) {
+    const bool pays = unsplit == TechniqueSet::kCamera ? Pays(by_product)
+                                                       : GainOfProduct() >= kCombinationGainMin;
+    if (pays) best = by_product;
+  }
   return best;
 }
 
@@ -311,6 +333,10 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
   if (m.learned_lights) {
     absl::StrAppendFormat(&text, "; learned lights are %.2g times as efficient as estimated ones",
                           m.GainOfLearnedLights());
+  }
+  if (m.product) {
+    absl::StrAppendFormat(&text, "; lights by product are %.2g times as efficient",
+                          m.GainOfProduct());
   }
   if (best != TechniqueSet::kCamera) {
     absl::StrAppendFormat(&text, "; at least %.2g with 95 %% confidence",

@@ -5,10 +5,10 @@
 // frame by camera paths alone, with light paths, with guiding, and with both (and, where guiding
 // pays, with splitting; where light paths pay, with guided emission; where the camera sees rough
 // surfaces through smooth glass or in mirrors, with merging; where there are several lights, with
-// learned lights), and compares error times cost. The
-// cost is counted in rays, not in time, so that the answer is the same on every machine; guiding
-// also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware Multiple Importance
-// Sampling for Bidirectional Rendering Algorithms".
+// learned lights; where there are many and glossy surfaces, by product), and compares error times
+// cost. The cost is counted in rays, not in time, so that the answer is the same on every machine;
+// guiding also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware Multiple
+// Importance Sampling for Bidirectional Rendering Algorithms".
 //
 // The smallest of these images come first. Where they promise no gain, nothing more is rendered, so
 // that a frame of plain light loses little by the question. Else images follow whose samples are a
@@ -45,7 +45,7 @@ inline constexpr double kMissingShareMin = 0.05;
 // efficient with 95 % confidence: the measurement has noise, and frames with other techniques have
 // fewer compiled variants. Light paths and guiding together must be kCombinationGainMin times as
 // efficient as either; so must splitting, merging, guided emission and, beside other techniques,
-// learned lights, as without.
+// learned lights and products, as without.
 inline constexpr double kTechniqueGainMin = 1.5, kCombinationGainMin = 1.25;
 
 // Light that camera paths miss counts as in a frame of this many times the samples: nothing that is
@@ -95,6 +95,9 @@ struct TechniqueMeasurement {
   // BestOfPlain with learned lights: measured where there are lights to choose among; in the first
   // look, camera paths with learned lights.
   std::optional<TechniqueCost> learned_lights;
+  // BestOfPlain with choices by product: measured beside no light paths, where there are many
+  // lights and glossy surfaces (kProductLightsMin); in the first look, camera paths.
+  std::optional<TechniqueCost> product;
   // BestOfPlain where the last ones were chosen to be measured; else it follows from the costs.
   std::optional<TechniqueSet> plain;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
@@ -117,13 +120,14 @@ struct TechniqueMeasurement {
   // sample is no evidence. The gain where the errors of pixels are not known.
   double LeastGain(TechniqueSet techniques) const;
   // How many times as efficient BaseOfLight is with guided emission, and with merging; and
-  // BestOfPlain with learned lights. Requires: that was measured.
+  // BestOfPlain with learned lights, and by product. Requires: that was measured.
   double GainOfGuidedEmission() const;
   double GainOfMerging() const;
   double GainOfLearnedLights() const;
+  double GainOfProduct() const;
   // Never kLight.
   TechniqueSet Best() const;
-  // The best without splitting, merging, guided emission and learned lights.
+  // The best without splitting, merging, guided emission, learned lights and products.
   TechniqueSet BestOfPlain() const;
   // That, or kCameraAndLight where it has no light paths: what merging and guided emission are
   // measured with.

@@ -9,6 +9,7 @@
 #include "worker/render/guiding/training_size.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/light_tracer.h"
+#include "worker/render/plan/specular_surfaces.h"
 #include "worker/render/scene/compiled_scene.h"
 #include "worker/render/tile_pass.h"
 
@@ -124,8 +125,9 @@ FrameSettings PilotSettings(const FrameSettings& frame, const PilotSize& size) {
 }
 
 double RayCostOf(TechniqueSet techniques) {
-  if (IsGuided(techniques)) return kGuidedRayCost;
-  return LearnsLights(techniques) ? kLearnedLightsRayCost : 1;
+  const double of_product = ChoosesByProduct(techniques) ? kProductRayCost : 1;
+  if (IsGuided(techniques)) return of_product * kGuidedRayCost;
+  return of_product * (LearnsLights(techniques) ? kLearnedLightsRayCost : 1);
 }
 
 absl::Status RenderCameraPaths(const CompiledScene& scene, Pilot* pilot) {
@@ -234,10 +236,11 @@ absl::StatusOr<PilotRenderer> PilotRenderer::Make(SceneDescription scene,
   scene.filter = {};
   scene.filter.kind = FilterDescription::Kind::kBox;
   scene.filter.radius_x_px = scene.filter.radius_y_px = 0.5f;
+  const bool has_glossy_surfaces = MayHaveGlossySurfaces(scene);
   absl::StatusOr<ChangeableScenePtr> compiled =
       CompileChangeableScene(std::move(scene), PilotSettings(frame, size), files);
   if (!compiled.ok()) return compiled.status();
-  return PilotRenderer(*std::move(compiled), frame, size.training);
+  return PilotRenderer(*std::move(compiled), frame, size.training, has_glossy_surfaces);
 }
 
 absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
@@ -253,6 +256,10 @@ absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
 
 bool PilotRenderer::ChoosesLights() const {
   return scene_->lights->choice().visibility_slot_count() > 0;
+}
+
+bool PilotRenderer::MayChooseByProduct() const {
+  return has_glossy_surfaces_ && scene_->lights->light_count() > kProductLightsMin;
 }
 
 absl::StatusOr<bool> PilotRenderer::SeesThroughSpecular() {

@@ -25,6 +25,10 @@ namespace sheaf::render {
 // times, which gave 1.0 to 2.2 for light paths in five scenes and 1.4 to 1.5 for guided ones in
 // two. For paths with learned lights, with their search for the region.
 inline constexpr double kLightRayCost = 1.5, kGuidedRayCost = 1.3, kLearnedLightsRayCost = 1.1;
+// The same for paths that choose lights by product, with the sketches of their vertices.
+inline constexpr double kProductRayCost = 1.1;
+// Products are measured in scenes with more lights than this and a glossy surface.
+inline constexpr uint32_t kProductLightsMin = 32;
 // Samples of the smallest and of the largest image.
 inline constexpr uint64_t kPilotSamplesMin = uint64_t{1} << 12;
 inline constexpr uint64_t kPilotSamplesMax = uint64_t{1} << 18;
@@ -76,6 +80,8 @@ class PilotRenderer {
   const FrameSettings& settings() const { return SettingsOf(*scene_); }
   // Whether the scene has lights to choose among.
   bool ChoosesLights() const;
+  // Whether it has more than kProductLightsMin, and glossy surfaces.
+  bool MayChooseByProduct() const;
   // Errors: as SetTechniques and RenderTilePass.
   absl::StatusOr<Pilot> Render(TechniqueSet techniques);
   // Whether light paths can be merged with camera paths of the image: some see a rough surface
@@ -83,13 +89,18 @@ class PilotRenderer {
   absl::StatusOr<bool> SeesThroughSpecular();
 
  private:
-  PilotRenderer(ChangeableScenePtr scene, const FrameSettings& frame, const TrainingPaths& training)
-      : scene_(std::move(scene)), frame_(frame), training_(training) {}
+  PilotRenderer(ChangeableScenePtr scene, const FrameSettings& frame, const TrainingPaths& training,
+                bool has_glossy_surfaces)
+      : scene_(std::move(scene)),
+        frame_(frame),
+        training_(training),
+        has_glossy_surfaces_(has_glossy_surfaces) {}
   absl::Status Train(Pilot* pilot);
 
   ChangeableScenePtr scene_;
   FrameSettings frame_;
   TrainingPaths training_;
+  bool has_glossy_surfaces_;
 };
 
 }  // namespace sheaf::render

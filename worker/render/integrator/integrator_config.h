@@ -51,6 +51,9 @@ struct IntegratorConfig {
   static constexpr bool kGuided = kUsesFields && Has(Trait::kGuiding);
   // Lights are chosen by what the region of a vertex has learned.
   static constexpr bool kKnowsLights = kUsesFields && KnowsLights(kTraits);
+  // Lights may be chosen by a sketch of what the vertex reflects: LobeSketch. Not beside light
+  // paths, which would have to know the sketches of the camera's vertices before these are found.
+  static constexpr bool kProduct = kPathKind == PathKind::kCamera && Has(Trait::kLearnedLights);
   // Vertices of camera paths on surfaces may take several light samples: light_splits.h. Light
   // paths count them in weights.
   static constexpr bool kSplitsLights = !kFromLight && kUsesFields && Has(Trait::kLightSplits);

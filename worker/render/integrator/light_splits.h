@@ -52,8 +52,10 @@ StateIf<C::kSplitsLights, LightSplitState> LightSplitsAt(
 // By which the path's last vertex sampled lights.
 template <typename C>
 LightQuery LightQueryAtLast(const PathState<C>& path) {
-  if constexpr (C::kSplitsLights) return {LightsFromLast<C>(path), path.splits.samples_max};
-  return LightsFromLast<C>(path);
+  LightQuery query = LightsFromLast<C>(path);
+  if constexpr (C::kSplitsLights) query.samples_max = path.splits.samples_max;
+  if constexpr (C::kProduct) query.sketch = path.sketch.OrNull();
+  return query;
 }
 
 }  // namespace sheaf::render

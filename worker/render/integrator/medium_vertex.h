@@ -220,6 +220,7 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->from_n = {};
   RememberLights(guided, path);
   if constexpr (C::kSplitsLights) path->splits = {};
+  if constexpr (C::kProduct) path->sketch = {};
   path->ray.o = point.p;
   path->ray.d = sample.w;
   path->ray.source = {};

@@ -20,6 +20,7 @@
 #include "worker/render/integrator/path_history.h"
 #include "worker/render/light/environment_map.h"
 #include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/lobe_sketch.h"
 #include "worker/render/material/subsurface_texture.h"
 #include "worker/render/medium/equiangular_segment.h"
 #include "worker/render/medium/medium.h"
@@ -168,6 +169,7 @@ struct PathState {
   [[no_unique_address]] StateIf<C::kKnowsLights, KnownLightsState> known;
   [[no_unique_address]] StateIf<C::kGuided, GuidedState<Color>> guided;
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
+  [[no_unique_address]] StateIf<C::kProduct, LobeSketch> sketch;  // The vertex's at `from`.
   Vec3f camera_o;               // The origin of the camera ray.
   bool is_camera_path = true;   // No vertex so far.
   uint32_t null_crossings = 0;  // Surfaces passed since the last vertex.

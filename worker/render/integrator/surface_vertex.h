@@ -16,6 +16,7 @@
 #include "worker/render/integrator/first_hit.h"
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/light_draw.h"
+#include "worker/render/integrator/light_sketches.h"
 #include "worker/render/integrator/light_splits.h"
 #include "worker/render/integrator/medium_boundaries.h"
 #include "worker/render/integrator/mis_weights.h"
@@ -78,6 +79,7 @@ struct SurfaceVertex {
       interpolated_shading;                            // Before Prepare.
   [[no_unique_address]] GuidedDirectionsOf<C> guided;  // Known to camera paths.
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
+  [[no_unique_address]] StateIf<C::kProduct, LobeSketch> sketch;
   Vec3f wo_local;
   Vec3f light_hint{};  // Lights behind this normal do not contribute; zero if all may.
   static constexpr bool kIsSurface = true;
@@ -98,8 +100,10 @@ struct SurfaceVertex {
   const LightDraw& Draw(const Context<C>&, const PathState<C>&) const { return draw; }
   // By which lights are sampled here.
   LightQuery Query() const {
-    if constexpr (C::kSplitsLights) return {guided.lights(), splits.samples_max};
-    return guided.lights();
+    LightQuery query = guided.lights();
+    if constexpr (C::kSplitsLights) query.samples_max = splits.samples_max;
+    if constexpr (C::kProduct) query.sketch = sketch.OrNull();
+    return query;
   }
   // f * |cos|, and the pdf with which camera paths continue towards w, per solid angle.
   BsdfValueOf<Color> Eval(Vec3f w) const {
@@ -290,6 +294,7 @@ bool SurfaceVertex<C>::Arrive(const Context<C>& c, PathState<C>* path, FilmSampl
     guided = GuidedDirectionsAt(c, {point.p, light_hint}, /*may_guide=*/!bsdf.specular);
   }
   if constexpr (C::kSplitsLights) splits = LightSplitsAt(c, *path);
+  if constexpr (C::kProduct) sketch = SketchAt(c, bsdf, wo_local, point.shading);
   FollowPrefix(c, *this, path);
   return true;
 }
@@ -427,6 +432,7 @@ inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
   path->from_n = light_hint;
   RememberLights(guided, path);
   if constexpr (C::kSplitsLights) path->splits = splits;
+  if constexpr (C::kProduct) path->sketch = sketch;
   Leave(point, wi, &path->ray);
   path->ray.d = wi;
   // Prefetches the radiance of infinite lights, in case the ray hits nothing.

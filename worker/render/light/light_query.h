@@ -14,12 +14,13 @@
 #include <type_traits>
 
 #include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/lobe_sketch.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 
-// The form that code without learned visibility, or with it, reads: NoLightVisibilityRow or
-// LightVisibilityRow.
+// The form that code without learned visibility, or with it, reads: NoLightVisibilityRow,
+// LightVisibilityRow or ProductRow.
 template <typename RowT>
 struct SplitLightQuery {
   using Row = RowT;
@@ -29,7 +30,8 @@ struct SplitLightQuery {
 };
 
 // row: of the region of the point; used where KnowsLights. samples_max: used only with
-// Trait::kLightSplits; at most LightChoice::kPartsMax.
+// Trait::kLightSplits; at most LightChoice::kPartsMax. sketch: of the point, or null; used only
+// with Trait::kLearnedLights, and for a single sample. It must outlive the query.
 struct LightQuery {
   LightQuery() = default;
   LightQuery(LightVisibilityRow learned, uint32_t samples = 1)
@@ -37,24 +39,39 @@ struct LightQuery {
 
   LightVisibilityRow row;
   uint32_t samples_max = 1;
+  const LobeSketch* sketch = nullptr;
 };
 
+// By which one light is chosen.
 template <uint32_t kTraits>
-using LightQueryOf = std::conditional_t<Has(kTraits, Trait::kLightSplits),
-                                        SplitLightQuery<LightVisibilityRowOf<kTraits>>,
-                                        LightVisibilityRowOf<kTraits>>;
-// The query, for code that is compiled for the traits.
+using ChoiceRowOf = std::conditional_t<Has(kTraits, Trait::kLearnedLights), ProductRow,
+                                       LightVisibilityRowOf<kTraits>>;
 template <uint32_t kTraits>
-LightQueryOf<kTraits> QueryFor(const LightQuery& query) {
-  if constexpr (Has(kTraits, Trait::kLightSplits)) {
-    return {RowFor<kTraits>(query.row), query.samples_max};
+ChoiceRowOf<kTraits> ChoiceRowFor(const LightQuery& query) {
+  if constexpr (Has(kTraits, Trait::kLearnedLights)) {
+    return {query.row, query.sketch};
   } else {
     return RowFor<kTraits>(query.row);
   }
 }
 
+template <uint32_t kTraits>
+using LightQueryOf =
+    std::conditional_t<Has(kTraits, Trait::kLightSplits), SplitLightQuery<ChoiceRowOf<kTraits>>,
+                       ChoiceRowOf<kTraits>>;
+// The query, for code that is compiled for the traits.
+template <uint32_t kTraits>
+LightQueryOf<kTraits> QueryFor(const LightQuery& query) {
+  if constexpr (Has(kTraits, Trait::kLightSplits)) {
+    return {ChoiceRowFor<kTraits>(query), query.samples_max};
+  } else {
+    return ChoiceRowFor<kTraits>(query);
+  }
+}
+
 // The row of a query for a single choice.
 inline LightVisibilityRow RowOf(LightVisibilityRow row) { return row; }
+inline ProductRow RowOf(ProductRow row) { return row; }
 inline NoLightVisibilityRow RowOf(NoLightVisibilityRow row) { return row; }
 template <typename Row>
 Row RowOf(const SplitLightQuery<Row>& query) {

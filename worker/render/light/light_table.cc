@@ -338,6 +338,10 @@ SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDel
                                Trait::kGuiding))
 SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
                                Trait::kEnvironment, Trait::kGuiding))
+SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
+                               Trait::kLearnedLights))
+SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
+                               Trait::kEnvironment, Trait::kLearnedLights))
 // So do those that split the lights, which have no wavelengths.
 SHEAF_INSTANTIATE_IN_COLOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
                                     Trait::kLightSplits))
@@ -354,8 +358,10 @@ SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::k
                                                          const WavelengthsOf<color>&); \
   SHEAF_INSTANTIATE_FROM_INFINITY(color, NoLightVisibilityRow)                         \
   SHEAF_INSTANTIATE_FROM_INFINITY(color, LightVisibilityRow)                           \
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, ProductRow)                                   \
   SHEAF_INSTANTIATE_FROM_INFINITY(color, SplitLightQuery<NoLightVisibilityRow>)        \
-  SHEAF_INSTANTIATE_FROM_INFINITY(color, SplitLightQuery<LightVisibilityRow>)
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, SplitLightQuery<LightVisibilityRow>)          \
+  SHEAF_INSTANTIATE_FROM_INFINITY(color, SplitLightQuery<ProductRow>)
 #define SHEAF_INSTANTIATE_FROM_INFINITY(color, query)                        \
   template EnvironmentValueOf<color> LightTable::FromInfinity<color, query>( \
       const Impl&, Vec3f, Vec3f, Vec3f, const WavelengthsOf<color>&, const Located&, query);

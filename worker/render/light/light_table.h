@@ -282,12 +282,9 @@ class LightTable {
       static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
       static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
       static_cast<uint32_t>(Trait::kTexturedEmission) | static_cast<uint32_t>(Trait::kSpectral) |
-      static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits);
-  // Lights are chosen by the same rows with guiding and without.
-  static constexpr uint32_t LightTraitsOf(uint32_t traits) {
-    return (traits & kLightTraits) |
-           (KnowsLights(traits) ? static_cast<uint32_t>(Trait::kGuiding) : 0);
-  }
+      static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits) |
+      static_cast<uint32_t>(Trait::kLearnedLights);
+  static constexpr uint32_t LightTraitsOf(uint32_t traits) { return traits & kLightTraits; }
 
  private:
   LightTable();

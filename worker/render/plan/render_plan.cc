@@ -336,6 +336,13 @@ class PlanMaker {
       plan->notes.emplace_back(
           "mutations: samples 32 times as bright as their region start chains of 64 mutations");
     }
+    if (techniques.Has(Technique::kProduct)) {
+      plan->notes.emplace_back(
+          ChoosesByProduct(techniques)
+              ? "product: rough metals and coats sample the lights that they reflect to the camera"
+              : "product: off beside light paths, which would have to know the light samples of a "
+                "camera path before they know from where the camera sees its vertex");
+    }
     if (!IsGuided(techniques)) return;
     plan->notes.emplace_back(
         "guiding: camera paths also sample directions from the light that a training finds before "

@@ -42,8 +42,11 @@ struct RenderPlan {
 inline constexpr uint32_t kTechniqueTraits =
     TraitSet(Trait::kGuiding, Trait::kLightSplits, Trait::kLearnedLights);
 constexpr uint32_t TechniqueTraits(const FrameSettings& settings) {
-  // Guided frames know lights with the trait of guiding.
-  const bool learns_lights = LearnsLights(settings.techniques) && !IsGuided(settings.techniques);
+  // Guided frames know lights with the trait of guiding. Choices by product have the code of
+  // learned lights, with or without rows.
+  const bool learns_lights =
+      (LearnsLights(settings.techniques) && !IsGuided(settings.techniques)) ||
+      ChoosesByProduct(settings.techniques);
   return (IsGuided(settings.techniques) ? static_cast<uint32_t>(Trait::kGuiding) : 0) |
          (learns_lights ? static_cast<uint32_t>(Trait::kLearnedLights) : 0) |
          (settings.light_samples > 1 ? static_cast<uint32_t>(Trait::kLightSplits) : 0);

@@ -70,6 +70,18 @@ bool MayHaveSpecularSurfaces(const SceneDescription& scene) {
   });
 }
 
+bool MayHaveGlossySurfaces(const SceneDescription& scene) {
+  const auto may_be_rough = [](const RoughnessInput& roughness) {
+    return MayBePositive(roughness.u) || MayBePositive(roughness.v);
+  };
+  return std::ranges::any_of(scene.materials, [&](const MaterialDescription& description) {
+    const auto* const metal = std::get_if<ConductorMaterial>(&description.material);
+    const auto* const coated = std::get_if<CoatedDiffuseMaterial>(&description.material);
+    return (metal != nullptr && may_be_rough(metal->roughness)) ||
+           (coated != nullptr && may_be_rough(coated->roughness));
+  });
+}
+
 std::string StereoNote(const SceneDescription& scene) {
   return absl::StrCat("stereo: both eyes share the paths that begin at rough surfaces",
                       UnsharedMaterials(scene));

@@ -17,6 +17,10 @@ namespace sheaf::render {
 // only a texture knows.
 bool MayHaveSpecularSurfaces(const SceneDescription& scene);
 
+// Whether a material may have a glossy lobe by which lights are chosen (Technique::kProduct): a
+// rough conductor, or a diffuse one with a rough coat. True also where only a texture knows.
+bool MayHaveGlossySurfaces(const SceneDescription& scene);
+
 // One line about the eyes of a stereo frame: that they share paths, and the materials at which they
 // do not, because each eye has directions of its own there.
 std::string StereoNote(const SceneDescription& scene);

@@ -42,7 +42,7 @@ enum class Trait : uint32_t {
   kLightSplits = 1u << 28,          // Several light samples at a vertex.
   kPrincipled = 1u << 29,           // Principled materials.
   kVertexNormals = 1u << 30,        // Vertex normals tilted from the faces of their meshes.
-  kLearnedLights = 1u << 31,        // Lights chosen by what regions have learned, without guiding.
+  kLearnedLights = 1u << 31,        // Lights chosen by learned rows without guiding, or by product.
 };
 inline constexpr int kTraitCount = 32;
 
