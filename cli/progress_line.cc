@@ -124,7 +124,7 @@ std::string FormatProgress(const v1::Job& job) {
     // Pixels without samples have no error yet.
     absl::StrAppend(
         &text, ", error ", FormatPixelError(progress.relative_mse()),
-        progress.sample_count_done() < progress.sample_count_total() ? " of the tiles so far" : "");
+        progress.sample_count_done() < progress.sample_count_total() ? " so far" : "");
   }
   const double wall_seconds = Seconds(progress.wall_duration());
   // Samples from a resumed image were rendered earlier.

@@ -37,14 +37,14 @@ TEST(ProgressLineTest, OmitsUnknownValues) {
   job.set_waiting_reason("no worker");
   job.mutable_progress()->set_nonfinite_count(3);
   EXPECT_EQ(FormatProgress(job),
-            "50.0 %, error ±11 % of the tiles so far, 250 samples/s, 0:42 left; waiting: no "
+            "50.0 %, error ±11 % so far, 250 samples/s, 0:42 left; waiting: no "
             "worker; 3 samples are not finite");
 }
 
 TEST(ProgressLineTest, TheErrorIsThatOfTheTilesSoFarUntilTheEnd) {
   v1::Job job = HalfDone();
   job.mutable_progress()->set_relative_mse(0.0123);
-  EXPECT_THAT(FormatProgress(job), HasSubstr("error ±11 % of the tiles so far"));
+  EXPECT_THAT(FormatProgress(job), HasSubstr("error ±11 % so far"));
   job.mutable_progress()->set_sample_count_done(job.progress().sample_count_total());
   EXPECT_THAT(FormatProgress(job), HasSubstr("100.0 %, error ±11 %, "));
 }

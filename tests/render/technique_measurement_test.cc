@@ -89,6 +89,30 @@ TEST(TechniqueMeasurementTest, LearnedLightsAreMeasuredAmongManyLights) {
   EXPECT_FALSE(Measure(Caustic(0.05f)).learned_lights.has_value());
 }
 
+// Choices by product are measured where there are many lights and a surface that reflects few of
+// them.
+TEST(TechniqueMeasurementTest, ProductsAreMeasuredWhereManyLightsAreOverGloss) {
+  const TechniqueMeasurement gloss = Measure(LampsOverGloss({1}, 0.1f), 64);
+  ASSERT_TRUE(gloss.product.has_value());
+  EXPECT_GT(gloss.product->ErrorTimesCost(), 0);
+  EXPECT_THAT(FormatTechniqueMeasurement(gloss), HasSubstr("lights by product are"));
+  EXPECT_FALSE(Measure(ManyLights({1})).product.has_value());  // Diffuse.
+  EXPECT_FALSE(Measure(Caustic(0.05f)).product.has_value());   // One lamp.
+}
+
+TEST(TechniqueMeasurementTest, ProductsMustPay) {
+  TechniqueMeasurement measured;
+  measured.camera = measured.guided = measured.both = {1, 1};
+  measured.product = {0.8, 1};
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCamera);
+  measured.product = {0.5, 1};
+  EXPECT_EQ(measured.Best(), TechniqueSet{Technique::kProduct});
+  measured.learned_lights = {0.4, 1};
+  EXPECT_EQ(measured.Best(), TechniqueSet{Technique::kLearnedLights});
+  measured.product = {0.3, 1};
+  EXPECT_EQ(measured.Best(), TechniqueSet{Technique::kProduct});
+}
+
 TEST(TechniqueMeasurementTest, CameraPathsSufficeForOpenLight) {
   for (const TestScene& scene : {Diffuse({1}), ManyLights({1})}) {
     const TechniqueMeasurement measured = Measure(scene);

@@ -237,4 +237,33 @@ inline TestScene ManyLights(Tint tint) {
   return t;
 }
 
+// 200 small lamps of several colors over a rough coat, a ball of rough metal and a coated one.
+inline TestScene LampsOverGloss(Tint tint, float alpha) {
+  TestScene t({0, 1, -3.2}, {0, 0.6, 0}, 36);
+  CoatedDiffuseMaterial coat;
+  coat.roughness = {{alpha, kNone}, {alpha, kNone}, false};
+  coat.reflectance.value.rgb = tint({0.1f, 0.12f, 0.15f});
+  ConductorMaterial metal;
+  metal.roughness = {{alpha, kNone}, {alpha, kNone}, false};
+  metal.has_reflectance = true;
+  metal.reflectance.value.rgb = tint({0.9f, 0.7f, 0.5f});
+  const int32_t coated = t.AddMaterial(coat);
+  t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})}, coated);
+  t.AddShape(kBall, t.AddMaterial(metal), TranslateMatrix({-0.8, 0.6, 0.3}));
+  t.AddShape(kBall, coated, TranslateMatrix({0.8, 0.6, 0.6}));
+  constexpr float kSide = 0.03f;
+  for (int i = 0; i < 200; ++i) {
+    const float x = -2.3f + 0.23f * static_cast<float>(i % 20);
+    const float z = -0.5f + 0.35f * static_cast<float>(i / 20);
+    const float y = 2 + 0.1f * static_cast<float>(i * 7 % 5);
+    const float red = 50.0f + 20.0f * static_cast<float>(i * 7 % 10);
+    const float blue = 50.0f + 20.0f * static_cast<float>(i * 3 % 7);
+    t.AddShape(MeshShape{t.Quad({x, y, z}, {x + kSide, y, z}, {x + kSide, y, z + kSide},
+                                {x, y, z + kSide})},
+               t.Diffuse({}))
+        .area_light = t.AreaLight(tint({red, 150, blue}));
+  }
+  return t;
+}
+
 }  // namespace sheaf::render
