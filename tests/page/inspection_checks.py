@@ -11,7 +11,7 @@ from farm import wait_until
 from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, wait_for_new_pixels
 
 CHANGE_SECONDS_MAX = 20
-# Of colors from 0 to 255.
+# Colors are 0 to 255.
 ROUNDING_MAX = 2
 BOX = """
   const box = document.getElementById("image-box").getBoundingClientRect();
