@@ -37,11 +37,11 @@ std::string EventText(const v1::JobEvent& event) {
   if (event.has_frame_number()) add(absl::StrCat("frame ", event.frame_number()));
   add(event.who());
   add(event.text());
-  std::string line =
-      absl::StrFormat("%s  %-10s", absl::FormatTime("%Y-%m-%d %H:%M:%S", time, LocalZone()),
-                      Printable(event.what()));
-  if (!rest.empty()) absl::StrAppend(&line, " ", PrintableLines(rest));
-  return line;
+  const std::string start =
+      absl::StrCat(absl::FormatTime("%Y-%m-%d %H:%M:%S", time, LocalZone()), "  ");
+  const std::string what = Printable(event.what());
+  if (rest.empty()) return start + what;
+  return absl::StrFormat("%s%-10s %s", start, what, PrintableLines(rest));
 }
 
 class LogsCommand : public FarmCommand {

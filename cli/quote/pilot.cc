@@ -53,6 +53,11 @@ constexpr absl::Duration kPollInterval = absl::Milliseconds(30);
 constexpr std::chrono::seconds kWaitSilence{2};
 constexpr uint64_t kPilotBytesMax = uint64_t{4} << 30;
 
+// Without what camera paths learn before the first sample.
+TechniqueSet WithoutTraining(TechniqueSet techniques) {
+  return techniques.Without(Technique::kGuiding).Without(Technique::kLearnedLights);
+}
+
 // Evenly spaced over the range, both ends included.
 std::vector<PilotFrame> ChooseFrames(size_t frame_count) {
   const size_t count = std::min<size_t>(frame_count, kQuotedFramesMax);
@@ -200,8 +205,7 @@ absl::Status RenderPilot(FarmClient* client, const JobArguments& arguments, cons
     // A separate training would cost more than the small image. A light image's training is as
     // small as the image, and light passes depend on the guiding of camera paths.
     if (level.lattice.All() && !level.is_light_image) {
-      frame.settings.techniques =
-          frame.settings.techniques.Without(Technique::kGuiding).Without(Technique::kLearnedLights);
+      frame.settings.techniques = WithoutTraining(frame.settings.techniques);
       frame.settings.outputs = {};
       frame.settings.outputs.AddLightPaths();
     }
@@ -321,8 +325,7 @@ absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
     frame.settings.outputs = {};
     AddDenoised(&frame.settings.outputs);
     // A training would cost more than a crop.
-    frame.settings.techniques =
-        frame.settings.techniques.Without(Technique::kGuiding).Without(Technique::kLearnedLights);
+    frame.settings.techniques = WithoutTraining(frame.settings.techniques);
   }
   if (pilot.frames.empty()) return images;
   const absl::StatusOr<v1::Job> ended = RunPilot(client, arguments, pilot, deadline);

@@ -7,13 +7,10 @@ A frame with `--techniques camera+mutations` is rendered in one process, and on 
 is killed: one SHA-256. SHEAF_SEED repeats the moments of a run.
 """
 import json
-import os
-import random
-import tempfile
-import time
 import unittest
 
 import farm
+from one_image_case import OneImageCase
 from stereo_test import SCENE
 
 MUTATIONS = ("--techniques", "camera+mutations")
@@ -22,30 +19,10 @@ SAMPLES = 42  # Not a multiple of 16: the last passes are those of few replicate
 JOB = ("--samples", SAMPLES, *MUTATIONS)
 
 
-class MutationsTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
-        print(f"SHEAF_SEED={seed}", flush=True)
-        cls.random = random.Random(seed)
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.scene = os.path.join(cls.folder.name, "balls.pbrt")
-        with open(cls.scene, "w", encoding="utf-8") as f:
-            f.write(SCENE)
-        cls.expected = cls.rendered("expected", *JOB)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder.name, name + ".exr")
-
-    @classmethod
-    def rendered(cls, name, *arguments):
-        farm.render(cls.scene, cls.path(name), *arguments)
-        return farm.image_digest(cls.path(name))
+class MutationsTest(OneImageCase):
+    SCENE_NAME = "balls.pbrt"
+    SCENE_TEXT = SCENE
+    JOB = JOB
 
     def test_in_one_process(self):
         for arguments in (SMALL, ("--pass-samples", 64), ("--tile-size", 8, "--threads", 3)):

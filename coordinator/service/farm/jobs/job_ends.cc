@@ -103,7 +103,7 @@ void JobEnds::NoteDelivered(const FrameId& id, const DeliveredFrame& delivered) 
                                      absl::ToDoubleSeconds(delivered.cost.cpu_duration),
                                      delivered.image_digest.substr(0, 12));
   if (delivered.relative_mse > 0) {
-    text = absl::StrFormat("error %.2g %%, %s", 100 * std::sqrt(delivered.relative_mse), text);
+    text = absl::StrFormat("error %.3g %%, %s", 100 * std::sqrt(delivered.relative_mse), text);
   }
   context_.journal.Note({.job_id = id.job_id,
                          .what = "delivered",
