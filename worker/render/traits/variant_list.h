@@ -141,6 +141,19 @@ inline constexpr uint32_t kCloudTraits =
   X("light splits common+environment+cut-outs",                                             \
     ::sheaf::render::LightSplit(::sheaf::render::CommonTraits(true, false, false, true)))
 
+// X(name, traits): the variants that render every scene.
+#define SHEAF_GENERIC_VARIANTS(X)                            \
+  X("spectral generic", ::sheaf::render::kAllSpectralTraits) \
+  X("generic", ::sheaf::render::kAllTraits)
+
+#ifdef SHEAF_GENERIC_VARIANTS_ONLY
+// Sanitizers take minutes for each variant.
+#define SHEAF_RENDER_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
+#define SHEAF_LIGHT_PATH_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
+#define SHEAF_MUTATION_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
+#define SHEAF_EYE_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
+#else
+
 // X(name, traits), the generic ones last: they serve combinations too rare for their own variants.
 #define SHEAF_RENDER_VARIANTS(X)                                                      \
   X("diffuse", ::sheaf::render::kDiffuseTraits)                                       \
@@ -163,8 +176,7 @@ inline constexpr uint32_t kCloudTraits =
   SHEAF_GUIDED_VARIANTS(X)                                                            \
   SHEAF_LEARNED_LIGHTS_VARIANTS(X)                                                    \
   SHEAF_LIGHT_SPLIT_VARIANTS(X)                                                       \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                          \
-  X("generic", ::sheaf::render::kAllTraits)
+  SHEAF_GENERIC_VARIANTS(X)
 
 // The variants of frames with light paths. Few: a path of either kind costs more than its traits.
 #define SHEAF_LIGHT_PATH_VARIANTS(X)                                                           \
@@ -173,14 +185,12 @@ inline constexpr uint32_t kCloudTraits =
     ::sheaf::render::Guided(::sheaf::render::CommonTraits(false, false, false, false)))        \
   X("learned lights common",                                                                   \
     ::sheaf::render::LearnedLights(::sheaf::render::CommonTraits(false, false, false, false))) \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                                   \
-  X("generic", ::sheaf::render::kAllTraits)
+  SHEAF_GENERIC_VARIANTS(X)
 
 // The variants of frames whose bright samples start chains of mutations. Few: such frames are rare.
 #define SHEAF_MUTATION_VARIANTS(X)                                       \
   X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)             \
-  X("generic", ::sheaf::render::kAllTraits)
+  SHEAF_GENERIC_VARIANTS(X)
 
 // The variants of frames whose paths count in several pixels, such as stereo frames.
 #define SHEAF_EYE_VARIANTS(X)                                                                   \
@@ -190,5 +200,5 @@ inline constexpr uint32_t kCloudTraits =
   X("common+environment+lens+motion", ::sheaf::render::CommonTraits(true, true, true, false))   \
   X("mapped common+environment+cut-outs",                                                       \
     ::sheaf::render::Mapped(::sheaf::render::CommonTraits(true, false, false, true)))           \
-  X("spectral generic", ::sheaf::render::kAllSpectralTraits)                                    \
-  X("generic", ::sheaf::render::kAllTraits)
+  SHEAF_GENERIC_VARIANTS(X)
+#endif
