@@ -6,32 +6,25 @@
     tests/bench/sharing_bench.py SHEAF [NAME ...] [--width 160] [--samples 8] [--seeds 2]
 
 SHEAF is a build's program `sheaf`. Each scene of those names, or each, is rendered with paths that
-count in one pixel, with `camera+sharing` and with `camera+sharing+views`, on one thread. Errors are
-relMSE against an image of REFERENCE times the samples by camera+sharing+views, without the worst
-hundredth of the pixels. CPU seconds are those of the frame's tasks, without loading. A gain is the
-error times CPU seconds of paths in one pixel over that of shared ones: 2 means that an image of the
-same error takes half the time. The last column is the gain of +views over +sharing alone.
+count in one pixel, with `camera+sharing` and with `camera+sharing+views`. Errors are those of
+error_and_cost.py without the worst pixels, against an image of REFERENCE times the samples by
+camera+sharing+views. A gain is the error times CPU seconds of paths in one pixel over that of
+shared ones: 2 means that an image of the same error takes half the time. The last column is the
+gain of +views over +sharing alone.
 
 Scenes of SHEAF_PUBLIC_SCENES are added if it is set. Needs Debian's python3-openimageio and
 python3-numpy.
 """
 import argparse
-import json
 import os
 import shutil
-import statistics
-import subprocess
 import sys
 import tempfile
 
-import numpy
-import OpenImageIO as oiio
-
-from technique_regions import DARK, ROOT, shrink
+from error_and_cost import measure
+from technique_regions import ROOT, shrink
 
 REFERENCE = 16  # Times the samples.
-REFERENCE_SEED = 1000
-WORST = 0.01  # Fraction of the pixels that is left out.
 TECHNIQUES = ("camera", "camera+sharing", "camera+sharing+views")
 
 REPLACED = {  # In the text of scenes.
@@ -61,30 +54,6 @@ PUBLIC = [("killeroo-moving", "killeroos/killeroo-moving-small.pbrt", None, ""),
           ("staircase2", "staircase2/staircase2-small.pbrt", None, "")]
 
 
-def render(options, scene, path, samples, seed, techniques):
-    """The CPU seconds of the frame."""
-    arguments = [options.sheaf, "render", scene, "-o", path, "--samples", samples, "--seed", seed,
-                 "--threads", 1, "--techniques", techniques, "--json"]
-    done = subprocess.run([str(a) for a in arguments], capture_output=True, text=True)
-    if done.returncode != 0:
-        sys.exit(f"{scene}, {techniques}: {done.stderr}")
-    return json.loads(done.stdout.splitlines()[-1])["progress"]["cpu_duration_seconds"]
-
-
-def colors(path):
-    image = oiio.ImageBuf(path)
-    names = image.spec().channelnames
-    pixels = image.get_pixels(oiio.FLOAT).astype(numpy.float64)
-    return numpy.stack([pixels[..., names.index(c)] for c in "RGB"], axis=-1)
-
-
-def error_of(image, reference):
-    least = DARK * reference.mean(axis=(0, 1))
-    relative = (image - reference) ** 2 / numpy.maximum(reference, least) ** 2
-    errors = numpy.sort(relative.mean(axis=-1).ravel())
-    return errors[:round(len(errors) * (1 - WORST))].mean()
-
-
 def prepared(scene, changed, addition, width, folder):
     """The scene, perhaps changed, as an image of the width. Beside the original's files."""
     if changed is not None:
@@ -104,20 +73,6 @@ def prepared(scene, changed, addition, width, folder):
             sys.exit(f"{scene}: has no {REPLACED[changed]}")
         scene = os.path.join(copy, os.path.basename(scene))
     return shrink(scene, width, folder)
-
-
-def measure(options, scene, folder):
-    """For each set of techniques: relMSE and CPU seconds."""
-    path, reference = (os.path.join(folder, name) for name in ("image.exr", "reference.exr"))
-    render(options, scene, reference, REFERENCE * options.samples, REFERENCE_SEED, TECHNIQUES[-1])
-    results = []
-    for techniques in TECHNIQUES:
-        errors, seconds = [], []
-        for seed in range(options.seeds):
-            seconds.append(render(options, scene, path, options.samples, seed, techniques))
-            errors.append(error_of(colors(path), colors(reference)))
-        results.append((statistics.mean(errors), statistics.mean(seconds)))
-    return results
 
 
 def main():
@@ -140,10 +95,11 @@ def main():
     for name, scene, changed, addition in scenes:
         with tempfile.TemporaryDirectory() as folder:
             small = prepared(scene, changed, addition, options.width, folder)
-            results = measure(options, small, folder)
-        costs = [error * seconds for error, seconds in results]
-        print(f"| {name} | " + ", ".join(f"{error:.3g}" for error, _ in results) + " | "
-              + ", ".join(f"{seconds:.3g}" for _, seconds in results)
+            choices = [("--techniques", techniques) for techniques in TECHNIQUES]
+            results = measure(options, small, folder, REFERENCE, choices[-1], choices)
+        costs = [r.trimmed_error * r.cpu_seconds for r in results]
+        print(f"| {name} | " + ", ".join(f"{r.trimmed_error:.3g}" for r in results) + " | "
+              + ", ".join(f"{r.cpu_seconds:.3g}" for r in results)
               + f" | {costs[0] / costs[1]:.2f} | {costs[0] / costs[2]:.2f} "
               f"| {costs[1] / costs[2]:.2f} |", flush=True)
 

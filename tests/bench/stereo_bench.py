@@ -7,27 +7,21 @@
                                 [--samples 32] [--seeds 3]
 
 SHEAF is a build's program `sheaf`. Each scene is rendered as a stereo frame and from its own
-camera alone, on one thread. Errors are relMSE against images of 16 times the samples, without the
-worst hundredth of the pixels: fireflies, and edges of lamps in view, are rare events that decide
-the relMSE of so few samples by chance. The error of a stereo frame is that of both eyes. CPU
-seconds are those of the frame's tasks, without loading. The price is error times CPU seconds of
-both eyes over those of one alone: at equal error, two independent renders cost 2.
+camera alone. Errors are those of error_and_cost.py without the worst pixels, against images of
+REFERENCE times the samples; the error of a stereo frame is that of both eyes. The price is error
+times CPU seconds of both eyes over those of one alone: at equal error, two independent renders
+cost 2.
 
 Scenes of SHEAF_PUBLIC_SCENES are added if it is set and no scene is given. Needs Debian's
 python3-openimageio and python3-numpy.
 """
 import argparse
-import json
 import os
 import statistics
-import subprocess
-import sys
 import tempfile
 
-import numpy
-import OpenImageIO as oiio
-
-from technique_regions import DARK, ROOT, shrink
+from error_and_cost import measure
+from technique_regions import ROOT, shrink
 
 SCENES = [("cornell-box", "0.3,6"), ("showroom", "0.065,3"), ("ajar", "0.1,4"),
           ("frosted", "0.1,4")]
@@ -36,50 +30,6 @@ PUBLIC = [("cornell-box/cornell-box-specular-small.pbrt", "0.05,3"),
           ("staircase2/staircase2-small.pbrt", "0.2,10"),
           ("veach-mis/veach-mis-small.pbrt", "0.5,20")]
 REFERENCE = 16  # Times the samples.
-REFERENCE_SEED = 1000
-WORST = 0.01  # Fraction of the pixels that are left out.
-
-
-def run(options, *arguments):
-    done = subprocess.run([options.sheaf, *map(str, arguments)], capture_output=True, text=True)
-    if done.returncode != 0:
-        sys.exit(f"{' '.join(map(str, arguments))}: {done.stderr}")
-    return done.stdout
-
-
-def render(options, scene, path, samples, seed, *eyes):
-    """The CPU seconds of the frame."""
-    text = run(options, "render", scene, "-o", path, "--samples", samples, "--seed", seed,
-               "--threads", 1, "--techniques", "camera", "--json", *eyes)
-    return json.loads(text.splitlines()[-1])["progress"]["cpu_duration_seconds"]
-
-
-def colors(path):
-    """R, G and B of all views, side by side."""
-    image = oiio.ImageBuf(path)
-    names = image.spec().channelnames
-    pixels = image.get_pixels(oiio.FLOAT).astype(numpy.float64)
-    views = [view for view in ("", "right.") if view + "R" in names]
-    return numpy.hstack([numpy.stack([pixels[..., names.index(view + c)] for c in "RGB"], axis=-1)
-                         for view in views])
-
-
-def error_of(image, reference):
-    least = DARK * reference.mean(axis=(0, 1))
-    relative = (image - reference) ** 2 / numpy.maximum(reference, least) ** 2
-    errors = numpy.sort(relative.mean(axis=-1).ravel())
-    return errors[:round(len(errors) * (1 - WORST))].mean()
-
-
-def measure(options, scene, folder, *eyes):
-    """Error times CPU seconds, and both."""
-    path, reference = (os.path.join(folder, name) for name in ("image.exr", "reference.exr"))
-    render(options, scene, reference, REFERENCE * options.samples, REFERENCE_SEED, *eyes)
-    errors, seconds = [], []
-    for seed in range(options.seeds):
-        seconds.append(render(options, scene, path, options.samples, seed, *eyes))
-        errors.append(error_of(colors(path), colors(reference)))
-    return statistics.mean(errors), statistics.mean(seconds)
 
 
 def main():
@@ -104,12 +54,14 @@ def main():
             small = scene
             if scene.endswith(".pbrt"):
                 small = shrink(scene, options.width, folder)
-            error, seconds = measure(options, small, folder)
-            both_error, both_seconds = measure(options, small, folder, "--stereo", eyes)
-        prices.append(both_error * both_seconds / (error * seconds))
-        print(f"| {os.path.splitext(os.path.basename(scene))[0]} | {eyes} | {error:.3g}, "
-              f"{both_error:.3g} | {seconds:.3g}, {both_seconds:.3g} | {prices[-1]:.2f} |",
-              flush=True)
+            camera = ("--techniques", "camera")
+            one, both = (measure(options, small, folder, REFERENCE, choice, [choice])[0]
+                         for choice in (camera, (*camera, "--stereo", eyes)))
+        prices.append(both.trimmed_error * both.cpu_seconds
+                      / (one.trimmed_error * one.cpu_seconds))
+        print(f"| {os.path.splitext(os.path.basename(scene))[0]} | {eyes} "
+              f"| {one.trimmed_error:.3g}, {both.trimmed_error:.3g} "
+              f"| {one.cpu_seconds:.3g}, {both.cpu_seconds:.3g} | {prices[-1]:.2f} |", flush=True)
     print(f"\nMedian: {statistics.median(prices):.2f}.")
 
 

@@ -8,16 +8,14 @@ by coordinators that are killed, gives one SHA-256; so do other tiles and passes
 A crop is that part of the whole. SHEAF_SEED repeats the moments of a run.
 """
 import os
-import random
-import shutil
 import re
 import struct
-import tempfile
 import time
 import unittest
 import zlib
 
 import farm
+from one_image_case import OneImageCase
 
 AJAR = os.path.join(farm.ROOT, "scenes", "ajar.pbrt")
 WIDTH, HEIGHT = 48, 32
@@ -66,38 +64,9 @@ def png_rows(path):
     return rows
 
 
-class GuidedFarmTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
-        print(f"SHEAF_SEED={seed}", flush=True)
-        cls.random = random.Random(seed)
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.scene = os.path.join(cls.folder.name, "ajar.pbrt")
-        with open(cls.scene, "w", encoding="utf-8") as f:
-            f.write(scene_text())
-        for assets in ("showroom", "turntable"):
-            shutil.copytree(os.path.join(farm.ROOT, "scenes", assets),
-                            os.path.join(cls.folder.name, assets))
-        cls.expected = cls.rendered("expected", *JOB)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    @classmethod
-    def path(cls, name, ending=".exr"):
-        return os.path.join(cls.folder.name, name + ending)
-
-    @classmethod
-    def rendered(cls, name, *arguments):
-        """The image's digest; there is a PNG too."""
-        farm.render(cls.scene, cls.path(name, ".png"), *arguments)
-        return farm.image_digest(cls.path(name))
-
-    def finished(self, f, job):
-        f.sheaf("watch", job, "-o", self.path("farmed"))
-        return farm.image_digest(self.path("farmed"))
+class GuidedFarmTest(OneImageCase):
+    SCENE_NAME, SCENE_TEXT, JOB = "ajar.pbrt", scene_text(), JOB
+    ASSETS = [os.path.join(farm.ROOT, "scenes", name) for name in ("showroom", "turntable")]
 
     def test_guiding_is_another_technique(self):
         self.assertNotEqual(self.rendered("camera", "--samples", SAMPLES), self.expected)
@@ -110,15 +79,17 @@ class GuidedFarmTest(unittest.TestCase):
 
     def test_crop_is_that_part_of_the_whole(self):
         crop = ("--crop", ",".join(map(str, CROP)))
-        expected = self.rendered("crop", *JOB, *crop)
+        whole, cropped = (self.path(name, ".png") for name in ("whole", "crop"))
+        farm.render(self.scene, whole, *JOB)
+        farm.render(self.scene, cropped, *JOB, *crop)
         x0, y0, x1, y1 = CROP
-        part = [row[3 * x0:3 * x1] for row in png_rows(self.path("expected", ".png"))[y0:y1]]
-        self.assertEqual(png_rows(self.path("crop", ".png")), part)
+        part = [row[3 * x0:3 * x1] for row in png_rows(whole)[y0:y1]]
+        self.assertEqual(png_rows(cropped), part)
         self.assertGreater(len(set(part)), 1)
         with farm.Farm() as f:
             f.start_worker()
             job = f.sheaf("submit", self.scene, *JOB, *crop, *SMALL).stdout.strip()
-            self.assertEqual(self.finished(f, job), expected)
+            self.assertEqual(self.finished(f, job), farm.image_digest(self.path("crop")))
 
     def test_one_worker_and_a_refinement(self):
         with farm.Farm() as f:

@@ -9,12 +9,11 @@ repeats the moments of a run.
 """
 import json
 import os
-import random
-import tempfile
 import time
 import unittest
 
 import farm
+from one_image_case import OneImageCase
 
 # A glass ball that focuses a small lamp onto a floor: a caustic for light paths, a mirror image of
 # the lamp and a shadow for those of the camera.
@@ -48,35 +47,13 @@ MERGED = ("--samples", SAMPLES, "--techniques", "camera+light+merging")
 KILLS = 3
 
 
-class LightPathsTest(unittest.TestCase):
+class LightPathsTest(OneImageCase):
+    SCENE_NAME, SCENE_TEXT, JOB = "caustic.pbrt", SCENE, JOB
+
     @classmethod
     def setUpClass(cls):
-        seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
-        print(f"SHEAF_SEED={seed}", flush=True)
-        cls.random = random.Random(seed)
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.scene = os.path.join(cls.folder.name, "caustic.pbrt")
-        with open(cls.scene, "w", encoding="utf-8") as f:
-            f.write(SCENE)
-        cls.expected = cls.rendered("expected", *JOB)
+        super().setUpClass()
         cls.merged = cls.rendered("merged", *MERGED)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder.name, name + ".exr")
-
-    @classmethod
-    def rendered(cls, name, *arguments):
-        farm.render(cls.scene, cls.path(name), *arguments)
-        return farm.image_digest(cls.path(name))
-
-    def finished(self, f, job, name="farmed"):
-        f.sheaf("watch", job, "-o", self.path(name))
-        return farm.image_digest(self.path(name))
 
     def check_nothing_was_done_twice(self, f):
         samples = farm.samples_by_tile(f.acknowledged())
