@@ -98,21 +98,21 @@ def emission():
             ("Le", '"rgb Le" [1 2 3]', (1, 2, 3)),
             ("Le and Lescale", '"rgb Le" [1 2 3] "float Lescale" 2', (2, 4, 6))):
         seen(f"homogeneous, {name}", "homogeneous", text + more, np.array(want) * inner, world="",
-             samples=4096)
+             samples=1024)
     seen("homogeneous, blackbody Le", "homogeneous", '"spectrum sigma_a" [300 .5 900 .5] '
          '"spectrum sigma_s" [300 0 900 0] "blackbody Le" 4000',
-         cf.rgb_of_light(cf.planck(4000)) * (1 - math.exp(-1)), world="", samples=4096,
+         cf.rgb_of_light(cf.planck(4000)) * (1 - math.exp(-1)), world="", samples=1024,
          color="spectral")
     cells = (f'{WIDE} "rgb sigma_a" [{".5 1 .2 " * 27}] "rgb sigma_s" [{"0 " * 81}] '
              f'"rgb Le" [{"1 2 3 " * 27}] ')
-    seen("rgbgrid, Le", "rgbgrid", cells, np.array((1, 2, 3)) * inner, world="", samples=4096)
+    seen("rgbgrid, Le", "rgbgrid", cells, np.array((1, 2, 3)) * inner, world="", samples=1024)
     seen("rgbgrid, Le and Lescale", "rgbgrid", cells + '"float Lescale" .5',
-         np.array((1, 2, 3)) * inner / 2, world="", samples=4096)
+         np.array((1, 2, 3)) * inner / 2, world="", samples=1024)
     ones = f'{WIDE} {text} "float density" [{"1 " * 27}] "rgb Le" [1 2 3] '
     seen("uniformgrid, Le", "uniformgrid", ones, np.array((1, 2, 3)) * inner, world="",
-         samples=4096)
+         samples=1024)
     seen("uniformgrid, Le and Lescale", "uniformgrid", ones + f'"float Lescale" [{"2 " * 27}]',
-         np.array((2, 4, 6)) * inner, world="", samples=4096)
+         np.array((2, 4, 6)) * inner, world="", samples=1024)
 
 
 def scattering():
@@ -132,7 +132,7 @@ def scattering():
             seen(f"single scattering of g {g}, light {name}", "homogeneous",
                  f'"rgb sigma_a" [0 0 0] "rgb sigma_s" [{s} {s} {s}] "float g" {g}', gray(want),
                  world=f'LightSource "distant" "point3 from" [{w[0]} 0 {w[2]}] "point3 to" [0 0 0] '
-                 f'"float scale" {PI}\n', samples=2048)
+                 f'"float scale" {PI}\n', samples=512)
     seen("that absorbs nothing under a sky", "homogeneous", '"rgb sigma_a" [0 0 0] '
          '"rgb sigma_s" [1 2 3] "float g" .4', gray(1), depth=200,
          world='LightSource "infinite" "rgb L" [1 1 1]\n', samples=256)

@@ -144,7 +144,7 @@ def cutouts():
     for count in (2, 4):
         case(f"shapes of alpha .5, {count} in a row", scene(
             lamps + "".join(rectangle(z=.1 * i, more='"float alpha" .5') for i in range(count)),
-            samples=4096), gray(.5 ** count))
+            samples=1024), gray(.5 ** count))
     mask = image("mask.exr", np.array([[1, 0, 1, 0]] * 4)[:, :, None])
     case("shape cut out by a texture", scene(
         WHITE + f'Texture "m" "float" "imagemap" "string filename" "{mask}" "string filter" '

@@ -93,7 +93,7 @@ def indices():
             BLACK + lamp(f"Translate 0 0 -8 ReverseOrientation {rectangle(-9, 9, -9, 9)}",
                          f'"spectrum L" [{points}]')
             + f"Material {material}\n{rectangle()}", camera=LOOK + window(.5), films=film(4, 4),
-            samples=4096, color="spectral",
+            samples=1024, color="spectral",
             integrator='Integrator "path" "integer maxdepth" 2\n'), want)
 
     def metal(name, material, index, nms=(450, 550, 650)):

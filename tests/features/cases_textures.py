@@ -71,7 +71,7 @@ def maps():
             shown(f"wrap {wrap}, {name}",
                   f'{head} "string filter" "{name}" "string wrap" "{wrap}" "float uscale" 2 '
                   '"float vscale" 3 "float udelta" -.4 "float vdelta" -.8',
-                  means(method(TEXELS, 2 * u - .4, 3 * v - .8, wrap)), samples=4096)
+                  means(method(TEXELS, 2 * u - .4, 3 * v - .8, wrap)), samples=2048)
     for name, text, map_u, map_v in (
             ("uscale", '"float uscale" 2.5', 2.5 * u, v),
         ("vscale", '"float vscale" .5', u, .5 * v),
@@ -320,7 +320,7 @@ def floats():
     def opaque(name, texture, share):
         case("float texture " + name, scene(
             lamp(rectangle(-2, 2, -2, 2, 1)) + f'Texture "f" "float" {texture}\n{BLACK}'
-            + rectangle(more='"texture alpha" "f"'), samples=4096), 1 - np.asarray(share))
+            + rectangle(more='"texture alpha" "f"'), samples=1024), 1 - np.asarray(share))
 
     def of(texels):
         return nearest(texels, u, v).mean() * np.ones(3)
