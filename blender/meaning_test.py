@@ -298,7 +298,7 @@ class SettingsTest(unittest.TestCase):
         world = types.SimpleNamespace(diffuse=False, glossy=True, transmission=True, scatter=True)
         settings_table.note("CyclesVisibilitySettings", world, 'world "W"', lines)
         settings_table.note("ViewLayer", types.SimpleNamespace(
-            aovs=[], lightgroups=["key"], pass_alpha_threshold=0.50000001), "layer", lines)
+            aovs=["key"], lightgroups=["key"], pass_alpha_threshold=0.50000001), "layer", lines)
         self.assertEqual([entry.item for entry in lines.entries], ['world "W"', "layer"])
 
 

@@ -76,17 +76,42 @@ class PrincipledTest(unittest.TestCase):
         self.assertEqual(dict(tinted.colors)["specular_tint"], COLOR)
 
     def test_layers_that_are_added_keep_the_albedo(self):
-        material = self.old(coat=1.0, sheen=0.5)
+        material = self.old(coat=1.0, sheen=0.5, keeps_energy=False)
         floats = self.floats(material)
         self.assertEqual(floats["coat"], 0.25)
         sheen = dict(material.colors)["sheen_color"][0]
         mean = principled.fresnel_mean(1.5)
         self.assertAlmostEqual(mean, 0.0918, 3)  # Glass: Judd 1942.
-        left = (1 - mean) * (1 - 0.25 * mean) * (1 - 0.5 * principled.ADDED_SHEEN_ALBEDO)
+        once, more = principled.reflection_means(1.5, 0.5)
+        self.assertAlmostEqual(floats["specular"], once / (once + more), 3)
+        left = ((1 - once) * (1 - 0.25 * sum(principled.reflection_means(1.5, 0.03)))
+                * (1 - 0.5 * principled.ADDED_SHEEN_ALBEDO))
         numpy.testing.assert_allclose(
             left * numpy.array(dict(material.colors)["base_color"]),
             DIFFUSE_HALF * numpy.array(COLOR), rtol=1e-3)
         self.assertLess(sheen, 0.06)
+
+    def test_rough_layers_reflect_less(self):
+        """By the reflected directions, uniformly over the hemisphere."""
+        self.assertEqual(principled.reflection_means(1.5, 0.0), (principled.fresnel_mean(1.5), 0.0))
+        steps = (numpy.arange(80) + 0.5) / 80
+        seen, leaving, turn = numpy.meshgrid(steps, steps, 2 * math.pi * steps)
+        for roughness in (0.5, 0.9):
+            alpha = roughness ** 2
+            half = numpy.stack([numpy.sqrt(1 - seen**2) + numpy.sqrt(1 - leaving**2)
+                                * numpy.cos(turn), numpy.sqrt(1 - leaving**2) * numpy.sin(turn),
+                                seen + leaving])
+            half /= numpy.linalg.norm(half, axis=0)
+            met = half[0] * numpy.sqrt(1 - seen**2) + half[2] * seen
+            spread = alpha**2 / (math.pi * (half[2]**2 * (alpha**2 - 1) + 1)**2)
+            masked = [(numpy.sqrt(1 + alpha**2 * (1 / mu**2 - 1)) - 1) / 2
+                      for mu in (seen, leaving)]
+            inside = numpy.sqrt(1 - (1 - met**2) / 1.5**2)
+            fresnel = (((1.5 * met - inside) / (1.5 * met + inside))**2
+                       + ((met - 1.5 * inside) / (met + 1.5 * inside))**2) / 2
+            shares = spread * fresnel / (1 + masked[0] + masked[1]) / (4 * seen * leaving)
+            mean = (shares * leaving * 2 * seen).mean() * 2 * math.pi
+            self.assertLess(abs(principled.reflection_means(1.5, roughness)[0] / mean - 1), 0.02)
 
     def test_specular_sets_the_index(self):
         # 0.5 is the reflection of the index 1.5 in both versions.

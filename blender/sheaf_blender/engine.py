@@ -106,6 +106,10 @@ class SheafRenderEngine(bpy.types.RenderEngine):
                                 ViewCamera(self, scene, view))
         keeps_sky = ExportOnly.present is not None or exported.sky.kind == "spherical"
         passes.left_out(scene, depsgraph.view_layer_eval, exported.report, keeps_sky)
+        if ExportOnly.present is not None:
+            for name in sorted(exported.holdouts):
+                exported.report.approximated(f'object "{name}"', "Holdout: it is visible; F12 "
+                                                                 "cuts it out of the image")
         if keeps_sky and exported.sky.background.seen is not None:
             exported.report.approximated("world", "Is Camera Ray: the camera sees the world that "
                                                   "lights the scene; F12 shows the other one")
@@ -135,11 +139,12 @@ class SheafRenderEngine(bpy.types.RenderEngine):
             window = frame_size.window_of((render.border_min_x, render.border_max_x,
                                            render.border_min_y, render.border_max_y), *size)
         return Settings(*size, samples_of(scene, self._layer), own.max_depth, own.seed,
-                        own.filter_type, own.filter_width, window)
+                        own.filter_type, own.filter_width, window,
+                        not own.pass_light_paths, ExportOnly.present is None)
 
     def _render(self, depsgraph, exported, folder, view):
         scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-        job = start_job(scene, view_layer, exported.path, os.path.join(folder, "image.exr"))
+        job = start_job(scene, view_layer, exported, os.path.join(folder, "image.exr"))
         settings = self._settings(scene)
         window = settings.window
         size = ((window[1] - window[0], window[3] - window[2]) if window
@@ -166,6 +171,8 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         arrays = passes.arrays(layers, scene, view_layer, cosines)
         self._correct_sky(exported.sky, arrays["Combined"], layers.channels["A"],
                           passes.hides_sky(scene, view_layer), settings)
+        if exported.holdouts:
+            passes.cut_out(arrays["Combined"], layers, exported.holdouts)
         self._show(arrays, size, place)
         for field, value in passes.matte_metadata(layers.metadata, view_layer.name):
             self.get_result().stamp_data_add_field(field, value)
@@ -284,12 +291,14 @@ def job_options(scene, view_layer):
     return found + own.more_options.split()
 
 
-def start_job(scene, view_layer, path, output):
+def start_job(scene, view_layer, exported, output):
     own, chosen = scene.sheaf, preferences()
     sheaf = program.find_program(bpy.path.abspath(chosen.program_folder))
     title = f"{bpy.path.basename(bpy.data.filepath) or 'untitled.blend'} {scene.frame_current}"
-    arguments = (sheaf, path, output, [*job_options(scene, view_layer),
-                                        *passes.options(scene, view_layer)], title)
+    arguments = (sheaf, exported.path, output, [
+        *job_options(scene, view_layer),
+        *passes.options(scene, view_layer, exported.groups.has_negative,
+                        bool(exported.holdouts))], title)
     if own.where == "FARM":
         return jobs.FarmRender(*arguments, address=own.address or chosen.address,
                                insecure=chosen.insecure, http_port=chosen.http_port)

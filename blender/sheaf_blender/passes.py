@@ -2,8 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Blender's render passes from the layers of Sheaf's images."""
 import hashlib
+import json
 
 import numpy
+
+from .export import light_groups
 
 DEPTH_OF_NOTHING = 1e10  # As Cycles.
 CRYPTOMATTE_LEVELS = 3
@@ -46,10 +49,16 @@ def chosen_passes(scene, view_layer):
         found.append((ERROR, 3, "RGB", "COLOR"))
     if settings.pass_samples:
         found.append((SAMPLES, 1, "X", "VALUE"))
+    found += [(group_pass(group), 3, "RGB", "COLOR") for group in view_layer.lightgroups]
     for _, name in wanted_mattes(view_layer):
         found += [(f"{name}{level:02d}", 4, "RGBA", "COLOR")
                   for level in range(CRYPTOMATTE_LEVELS)]
     return found
+
+
+def group_pass(group):
+    """Cycles' name of the pass of a light group."""
+    return f"Combined_{group.name}"
 
 
 def light_path_pass(kind):
@@ -63,15 +72,21 @@ def _has_vector(scene, view_layer):
             and view_layer.use_motion_blur)
 
 
-def options(scene, view_layer):
-    """Options of `sheaf` for the passes of the view layer."""
+def options(scene, view_layer, has_negative=False, has_holdouts=False):
+    """Options of `sheaf` for the passes of the view layer, and for what F12 makes of an image."""
     aovs = [name for name in ("position", "uv") if getattr(view_layer, f"use_pass_{name}", False)]
     if _has_vector(scene, view_layer):
         aovs.append("motion")
     mattes = [kind for kind, _ in wanted_mattes(view_layer)]
+    if has_holdouts and "object" not in mattes:
+        mattes.append("object")
+    if scene.sheaf.pass_light_paths:
+        lights = ["--light-paths"]
+    else:
+        lights = ["--light-groups"] if view_layer.lightgroups or has_negative else []
     return ((["--aov", ",".join(aovs)] if aovs else [])
             + (["--cryptomatte", ",".join(mattes)] if mattes else [])
-            + (["--light-paths"] if scene.sheaf.pass_light_paths else []))
+            + lights)
 
 
 def hides_sky(scene, view_layer):
@@ -171,6 +186,7 @@ def arrays(layers, scene, view_layer, cosines=None):
         found["Depth"] = numpy.where(alpha > 0, depth, DEPTH_OF_NOTHING)
         if (settings := mist_settings(scene)) is not None:
             found["Mist"] = mist(distance, alpha, *settings)
+    _add_groups(found, layers, view_layer)
     found["Normal"] = found[DENOISING_NORMAL] = layers.stack("normal.X", "normal.Y", "normal.Z")
     found["Position"] = layers.stack("P.X", "P.Y", "P.Z")
     uv, motion = layers.stack("u", "v"), layers.stack("motion.X", "motion.Y")
@@ -186,6 +202,38 @@ def arrays(layers, scene, view_layer, cosines=None):
         for level in range(CRYPTOMATTE_LEVELS):
             found[f"{name}{level:02d}"] = layers.stack(*(f"{name}{level:02d}.{c}" for c in "RGBA"))
     return {name: array for name, array in found.items() if array is not None}
+
+
+def _add_groups(found, layers, view_layer):
+    """Adds the passes of light groups; what lights of negative power give is taken away."""
+    for index, name in [(-1, "Combined"), *((i, group_pass(group)) for i, group in
+                                           enumerate(view_layer.lightgroups))]:
+        light, less = (layers.stack(*(f"{light_groups.layer_name(index, is_negative)}.{c}"
+                                      for c in "RGB")) for is_negative in (False, True))
+        if index >= 0 and (light is not None or less is not None):
+            found[name] = (0 if light is None else light) - (0 if less is None else less)
+        if less is not None:  # The image has it as light.
+            found["Combined"][..., :3] -= 2 * less
+
+
+def cut_out(combined, layers, names):
+    """Takes what the camera sees of the named objects out of the image and its alpha. At their
+    edges a pixel loses the part that they cover of its light.
+    """
+    manifest = next((value for key, value in layers.metadata.items()
+                     if key.startswith("cryptomatte/") and key.endswith("/manifest")
+                     and layers.metadata.get(key[:-len("manifest")] + "name") == "CryptoObject"),
+                    "{}")
+    hashes = json.loads(manifest)
+    wanted = numpy.array([int(hashes[name], 16) for name in names if name in hashes], numpy.uint32)
+    covered = numpy.zeros(combined.shape[:2], numpy.float32)
+    for level in range(CRYPTOMATTE_LEVELS):
+        for number, part in ("RG", "BA"):
+            ids = layers.channels.get(f"CryptoObject{level:02d}.{number}")
+            if ids is not None:
+                is_wanted = numpy.isin(numpy.ascontiguousarray(ids).view(numpy.uint32), wanted)
+                covered += is_wanted * layers.channels[f"CryptoObject{level:02d}.{part}"]
+    combined *= 1 - numpy.minimum(covered, 1)[..., None]
 
 
 def matte_metadata(metadata, view_layer_name):

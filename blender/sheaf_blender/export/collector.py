@@ -6,10 +6,12 @@ import dataclasses
 import bpy
 import numpy
 
-from ..scene import ply
-from . import curves, meshes, shaders, smoke
+from ..scene import mesh_arrays, ply
+from . import curves, lights, meshes, shaders, smoke
+from .light_groups import group_of
 
 MESH_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+FLAT_TRIANGLES_MAX = 2  # A quad has two.
 UNRENDERED_TYPES = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
 
 
@@ -32,6 +34,7 @@ class Geometry:
     matrices: list = dataclasses.field(default_factory=list)
     object_names: list = dataclasses.field(default_factory=list)
     keys: list = dataclasses.field(default_factory=list)  # To find the instances again later.
+    groups: list = dataclasses.field(default_factory=list)  # Blender's light groups.
     may_deform: bool = False
     may_move: bool = True
     smoke: object = None         # A smoke.Smoke inside the mesh.
@@ -56,6 +59,7 @@ class LightPlace:
     matrix: object
     hidden_from: list
     key: tuple
+    group: str = ""       # Blender's light group.
     is_seen: bool = True  # Whether it lies where the camera looks, if its size is more than 0.
 
 
@@ -73,6 +77,8 @@ class Collector:
         self._seen = {}
         self._shadings = {}
         self._taken = set()
+        self._parents = set()
+        self.holdouts = set()  # Names of objects through which the camera sees nothing.
         self._hair_done = set()
 
     def collect(self):
@@ -86,10 +92,12 @@ class Collector:
             if instance.show_self:
                 self.lights.append(LightPlace(
                     instance_object.name, instance_object.data, affine(instance.matrix_world),
-                    hidden_rays(instance_object), motion_key(instance, instance_object)))
+                    hidden_rays(instance_object, instance), motion_key(instance, instance_object),
+                    group_of(instance, instance_object)))
             return
         is_drawn = self._layer.use_volumes if kind == "VOLUME" else self._layer.use_solid
-        if instance.show_self and kind not in UNRENDERED_TYPES and is_drawn:
+        if (instance.show_self and kind not in UNRENDERED_TYPES and is_drawn
+                and not self._is_invisible(instance, instance_object)):
             self._add(instance, instance_object, kind)
         if (instance.show_particles and instance_object.particle_systems
                 and self._layer.use_strand):
@@ -109,7 +117,14 @@ class Collector:
             self._seen[seen] = geometry
         geometry.matrices.append(affine(instance.matrix_world))
         geometry.object_names.append(instance_object.name)
+        geometry.groups.append(group_of(instance, instance_object))
         geometry.keys.append(motion_key(instance, instance_object) if self._has_motion else None)
+        self._note_holdout(instance, instance_object)
+
+    def _note_holdout(self, instance, instance_object):
+        maker = instance.parent if instance.is_instance and instance.parent else instance_object
+        if maker.original.holdout_get(view_layer=self._depsgraph.view_layer):
+            self.holdouts.add(instance_object.name)
 
     def _read(self, instance_object, kind):
         name = self._free_name(instance_object.name)
@@ -142,9 +157,21 @@ class Collector:
         if hidden:
             self._report.left_out(item, f"Ray Visibility ({', '.join(hidden)}): it is visible to "
                                         "all rays")
-        for flag, text in (("is_holdout", "Holdout"), ("is_shadow_catcher", "Shadow Catcher")):
-            if getattr(instance_object, flag, False):
-                self._report.left_out(item, text)
+        if getattr(instance_object, "is_shadow_catcher", False):
+            self._report.left_out(item, "Shadow Catcher: it is visible, as other objects")
+
+    def _is_invisible(self, instance, instance_object):
+        """Whether no ray sees it. Reports what its maker hides of it."""
+        if len(hidden_rays(instance_object, instance)) == len(RAYS):
+            return True
+        maker = instance.parent if instance.is_instance else None
+        if maker is not None and maker.name not in self._parents:
+            self._parents.add(maker.name)
+            if hidden := hidden_rays(maker):
+                self._report.left_out(f'object "{maker.name}"', f"Ray Visibility ("
+                                      f"{', '.join(hidden)}): its instances are visible to all "
+                                      "rays")
+        return False
 
     # Meshes.
 
@@ -158,12 +185,12 @@ class Collector:
             shadings = [self.shading_of(slot.material) for slot in slots] or [self.shading_of(None)]
             may_move, may_deform = self._motion_settings(instance_object, kind)
             parts, radius = [], 0.0
-            for slot, arrays in meshes.read_parts(
-                    mesh, [shading.uv_map for shading in shadings]):
+            for slot, arrays in meshes.read_parts(mesh, shadings):
                 if len(arrays.positions) == 0:
                     continue
                 radius = max(radius, float((arrays.positions.astype(float)**2).sum(axis=1).max()))
                 parts.append(self._part(shadings[slot], arrays, may_deform))
+                self._note_tilt(instance_object, arrays)
             found = Geometry(name, parts, radius**0.5, may_deform=may_deform, may_move=may_move)
             found.texture_space = _texture_space(mesh)
             found.smoke = smoke.read(instance_object, shadings[0], self._report)
@@ -175,6 +202,14 @@ class Collector:
         finally:
             if is_copy:
                 instance_object.to_mesh_clear()
+
+    def _note_tilt(self, instance_object, arrays):
+        tilt = mesh_arrays.normal_tilt_degrees(arrays)
+        if tilt > shaders.TILT_MIN_DEGREES:
+            self._report.approximated(
+                f'object "{instance_object.name}"', f"its smooth normals are tilted by {tilt:.0f} "
+                "degrees on average: brighter than in Cycles, which loses the light that leaves "
+                "below the surface")
 
     def _motion_settings(self, instance_object, kind):
         """Whether the object moves, and whether its mesh may deform, while the shutter is open."""
@@ -219,6 +254,12 @@ class Collector:
         return any(shading.medium is not None and max(shading.medium.scattering) > 0
                    for shading in self._shadings.values())
 
+    def clear_sides(self):
+        """How many sides the transparent objects have: two each, and one of a plane."""
+        return sum(len(geometry.matrices) * (2 if _has_depth(part.arrays) else 1)
+                   for geometry in self.geometries.values() for part in geometry.parts
+                   if part.shading.has_surface and part.shading.closure.alpha != 1.0)
+
     def has_volumes(self):
         return any(geometry.medium_grid is not None for geometry in self.geometries.values())
 
@@ -244,6 +285,8 @@ class Collector:
             geometry.matrices.append(None)  # It is in world space.
             geometry.object_names.append(name)
             geometry.keys.append(None)
+            geometry.groups.append("")
+            self._note_holdout(instance, instance_object)
             self.geometries[("hair", name, index)] = geometry
 
     def _strands(self, instance_object, slot, read):
@@ -280,6 +323,11 @@ class Collector:
                             getattr(volume.render, "space", "OBJECT") == "OBJECT")
 
 
+def _has_depth(arrays):
+    """Whether a mesh is more than one facet in a plane."""
+    return arrays is None or len(arrays.triangles) > FLAT_TRIANGLES_MAX
+
+
 def affine(matrix):
     """A copy whose last row is 0 0 0 1, as in Cycles: inverses of parents leave 0.99999994."""
     found = matrix.copy()
@@ -303,11 +351,16 @@ def _geometry_key(instance_object, kind, seen):
                           for slot in instance_object.material_slots)
 
 
-def hidden_rays(instance_object):
-    """The kinds of rays that do not see an object."""
-    return [flag.replace("_", " ") for flag in ("camera", "diffuse", "glossy", "transmission",
-                                                "volume_scatter", "shadow")
-            if not getattr(instance_object, f"visible_{flag}", True)]
+RAYS = ("camera", *lights.SCATTERED, "shadow")
+
+
+def hidden_rays(instance_object, instance=None):
+    """The kinds of rays that do not see an object, or this instance of it."""
+    makers = [instance_object]
+    if instance is not None and instance.is_instance and instance.parent is not None:
+        makers.append(instance.parent)
+    return [ray for ray in RAYS if not all(
+        getattr(maker, f"visible_{ray.replace(' ', '_')}", True) for maker in makers)]
 
 
 def motion_key(instance, instance_object):

@@ -40,16 +40,39 @@ def color_of(light, exposure, report, images):
     return tuple(c * f * strength for c, f in zip(color, values.color(found)))
 
 
-def write_light(text, place, color, scene_sphere, content, report):
-    """Writes a collector.LightPlace. scene_sphere: (center, radius) of what is not at infinity."""
-    light, matrix = place.light, place.matrix
+SCATTERED = ("diffuse", "glossy", "transmission", "volume scatter")
+
+
+def write_light(text, place, color, scene_sphere, content, report, groups):
+    """Writes a collector.LightPlace. scene_sphere: (center, radius) of what is not at infinity;
+    groups: LightGroups.
+    """
+    light = place.light
     item = f'light "{place.name}"'
     report_common(light, item, report)
     hidden = [ray for ray in place.hidden_from if ray != "camera"]
+    if set(SCATTERED) <= set(hidden):
+        return
     if hidden:
         report.left_out(item, f"Ray Visibility ({', '.join(hidden)}): it lights all rays")
-    if light.energy < 0 or min(color) < 0:
-        report.left_out(item, "its negative power; it gives no light in the channels below 0")
+    powers = [c * light.energy for c in color]
+    if max(powers) > 0 or min(powers) == 0:
+        with text.lights_with(groups.parameters(place.group)):
+            _write(text, place, color, scene_sphere, content, report)
+    if min(powers) >= 0:
+        return
+    if not groups.can_subtract:
+        report.left_out(item, "its negative power; it gives no light in the channels below 0 (F12 "
+                              "without Kinds of Light takes it away)")
+        return
+    with text.lights_with(groups.parameters(place.group, True)):
+        _write(text, place, tuple(-c for c in color), scene_sphere, content, report)
+
+
+def _write(text, place, color, scene_sphere, content, report):
+    """Writes the channels in which color times energy is more than 0."""
+    light, matrix = place.light, place.matrix
+    item = f'light "{place.name}"'
     if light.type != "SUN" and matrix.to_3x3().determinant() == 0:
         matrix = _unflattened(matrix)
     writer = {"POINT": _point, "AREA": _area}.get(light.type)

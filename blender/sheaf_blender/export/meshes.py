@@ -6,11 +6,11 @@ import numpy
 from ..scene import mesh_arrays
 
 
-def read_parts(mesh, uv_maps):
-    """[(material slot, MeshArrays)] of an evaluated mesh; empty without triangles. uv_maps: for
-    each slot the name of its uv map, empty for the one that is active for rendering.
+def read_parts(mesh, shadings):
+    """[(material slot, MeshArrays)] of an evaluated mesh; empty without triangles. shadings:
+    of the slots; they name their uv map, and what turns it.
     """
-    slot_count = len(uv_maps)
+    slot_count = len(shadings)
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
     if count == 0:
@@ -18,14 +18,15 @@ def read_parts(mesh, uv_maps):
     triangles = _read(mesh.loop_triangles, "loops", 3 * count, numpy.int32).reshape(-1, 3)
     corner_vertices = _read(mesh.loops, "vertex_index", len(mesh.loops), numpy.int32)
     positions = read_positions(mesh)
-    uvs_of = {name: _uvs(mesh, name) for name in set(uv_maps)}
+    uvs_of = {chosen: _uvs(mesh, *chosen) for chosen in
+              {(shading.uv_map, shading.uv_base) for shading in shadings}}
     normals = _normals(mesh)
     slots = (_read(mesh.loop_triangles, "material_index", count, numpy.int32) if slot_count > 1
              else None)
     normals_source = None if normals is None else _normals_source(mesh)
     parts = []
     for slot, chosen in mesh_arrays.by_material(slots, slot_count):
-        uvs = uvs_of[uv_maps[slot]]
+        uvs = uvs_of[shadings[slot].uv_map, shadings[slot].uv_base]
         arrays = mesh_arrays.build(positions, corner_vertices, triangles[chosen], normals, uvs)
         if normals_source is not None:
             source = [positions, corner_vertices, triangles[chosen], *normals_source,
@@ -57,12 +58,15 @@ def _read(collection, name, count, kind):
     return values
 
 
-def _uvs(mesh, name):
+def _uvs(mesh, name, base):
     layer = (mesh.uv_layers.get(name) if name else
              next((layer for layer in mesh.uv_layers if layer.active_render), None))
     if layer is None:
         return None
-    return _read(layer.data, "uv", 2 * len(mesh.loops), numpy.float32).reshape(-1, 2)
+    found = _read(layer.data, "uv", 2 * len(mesh.loops), numpy.float32).reshape(-1, 2)
+    if base == ((1.0, 0.0), (0.0, 1.0)):
+        return found
+    return (found @ numpy.array(base).T).astype(numpy.float32)
 
 
 def _normals_source(mesh):

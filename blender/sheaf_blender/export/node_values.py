@@ -1,20 +1,27 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """Values of sockets: constants, images, and what nodes make of them."""
+import numpy
+
 from ..scene import image_pixels, pixel_ops, values
 from ..scene.closures import PINK
 from . import node_links, texture_nodes
 
 RAMP_SAMPLES = 257
 CURVE_SAMPLES = 257
+TURN_MIN = 1e-6  # A smaller part of a matrix beside its diagonal turns nothing.
 _WRAPS = {"REPEAT": "repeat", "EXTEND": "clamp", "CLIP": "black", "MIRROR": "repeat"}
 _FACTOR_BLENDS = pixel_ops.BLENDS
 
 
 class NodeValues:
-    """Evaluates the node tree of one item, as 'material "Gold"'."""
+    """Evaluates the node tree of one item, as 'material "Gold"'. uv_base: the 2 x 2 matrix that the
+    uv of its meshes are multiplied with.
+    """
 
-    def __init__(self, item, report, images):
+    def __init__(self, item, report, images, uv_base=((1.0, 0.0), (0.0, 1.0))):
+        self.uv_base = numpy.array(uv_base, numpy.float64)
+        self.uv_turns = []  # Matrices of Mapping nodes that uv_base does not leave diagonal.
         self.item, self._report, self._images = item, report, images
         self.uv_maps = set()  # Names of those that are used; "" is the one active for rendering.
         self._memory = node_links.Memory(report, item)
@@ -88,7 +95,20 @@ class NodeValues:
 
     def _mapping(self, wanted):
         """Scale and offset of u and v."""
-        unmapped = (1.0, 1.0, 0.0, 0.0)
+        matrix = self._uv_matrix(wanted)
+        turn, offset = matrix[:2, :2], matrix[:2, 3]
+        if not numpy.array_equal(self.uv_base, numpy.identity(2)):
+            turn = numpy.round(turn @ numpy.linalg.inv(self.uv_base), 9)
+        if max(abs(turn[0, 1]), abs(turn[1, 0])) > TURN_MIN * abs(turn).max():
+            if abs(numpy.linalg.det(matrix[:2, :2])) > TURN_MIN:
+                self.uv_turns.append(matrix[:2, :2])
+            self._report.left_out(self.item, "Rotation of a Mapping node: other textures of the "
+                                             "material are turned otherwise")
+        return (*map(float, (turn[0, 0], turn[1, 1])), *map(float, offset))
+
+    def _uv_matrix(self, wanted):
+        """The 4 x 4 matrix from uv to the place of an image."""
+        unmapped = numpy.identity(4)
         place, output, _ = node_links.source(wanted)
         if place is not None and place.node.type == "UVMAP":
             self.uv_maps.add(place.node.uv_map)
@@ -106,21 +126,12 @@ class NodeValues:
         return unmapped
 
     def _node_mapping(self, place):
-        inner = self._mapping(node_links.input_of(place, "Vector"))
-        found = {name: self.read(node_links.input_of(place, name), usual)
-                 for name, usual in (("Location", (0.0,) * 3), ("Rotation", (0.0,) * 3),
-                                     ("Scale", (1.0,) * 3))}
-        if not all(values.is_constant(value) for value in found.values()):
-            self._report.left_out(self.item, "a Mapping node with textures")
+        inner = self._uv_matrix(node_links.input_of(place, "Vector"))
+        found = texture_nodes.mapping_matrix(self, place)
+        if found is None:
+            self._report.left_out(self.item, "a Mapping node of normals or with textures")
             return inner
-        location, rotation, scale = (values.color(value) for value in found.values())
-        if any(abs(angle) > 1e-6 for angle in rotation):
-            self._report.left_out(self.item, "Rotation of a Mapping node")
-        if place.node.vector_type == "TEXTURE":
-            scale = tuple(1 / (x or 1.0) for x in scale)
-            location = tuple(-x * s for x, s in zip(location, scale))
-        return (inner[0] * scale[0], inner[1] * scale[1],
-                inner[2] * scale[0] + location[0], inner[3] * scale[1] + location[1])
+        return found @ inner
 
     def checker(self, place, _):
         first, second = (self.place_input(place, name) for name in ("Color1", "Color2"))

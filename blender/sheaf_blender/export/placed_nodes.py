@@ -17,8 +17,9 @@ def by_place(geometry):
         return [geometry]
     return [dataclasses.replace(geometry, parts=[_placed(part, geometry, matrix)
                                                  for part in geometry.parts],
-                                matrices=[matrix], object_names=[name], keys=[key])
-            for matrix, name, key in zip(geometry.matrices, geometry.object_names, geometry.keys)]
+                                matrices=[matrix], object_names=[name], keys=[key], groups=[group])
+            for matrix, name, key, group in zip(geometry.matrices, geometry.object_names,
+                                                geometry.keys, geometry.groups)]
 
 
 def _placed(part, geometry, matrix):

@@ -22,7 +22,8 @@ def read_inputs(reader, place):
         transmission=gray("Transmission Weight", "Transmission"),
         subsurface=number(place, "Subsurface Weight", "Subsurface"),
         sheen=gray("Sheen Weight", "Sheen"), coat=gray("Coat Weight", "Clearcoat"),
-        is_layered=_IS_LAYERED)
+        is_layered=_IS_LAYERED,
+        keeps_energy=getattr(place.node, "distribution", "GGX") == "MULTI_GGX")
     if inputs.anisotropic > 0:
         note_tangent(reader, place, "Anisotropic")
         inputs.rotation = number(place, "Anisotropic Rotation")
@@ -71,7 +72,9 @@ def note_tangent(reader, place, name):
     """Reports an anisotropy whose tangents are not those of the uv."""
     wanted = node_links.input_of(place, "Tangent")
     source = node_links.source(wanted)[0] if wanted is not None else None
-    if source is None or source.node.type != "TANGENT" or source.node.direction_type != "UV_MAP":
+    if not reader.has_own_uv():
+        reader.report.approximated(reader.item, f"{name} follows the uv that a Mapping node turns")
+    elif source is None or source.node.type != "TANGENT" or source.node.direction_type != "UV_MAP":
         reader.report.approximated(reader.item, f"{name} follows the uv of the mesh")
 
 

@@ -17,6 +17,7 @@ from ..scene.text import SceneText
 from . import camera, inside_of, lights, motion, shaders, world
 from .collector import Collector
 from .images import Images
+from .light_groups import LightGroups
 from .settings import note_all as note_settings
 from .scene_writer import SceneWriter, sphere_of
 
@@ -29,6 +30,8 @@ class Exported:
     report: Report
     view_window: tuple  # Edges of the film at distance 1; empty unless perspective.
     sky: object         # A Sky, to take it out of the image.
+    groups: object      # LightGroups.
+    holdouts: set       # Names of objects that F12 cuts out of the image.
     seconds: float
     cpu_seconds: float
     files_written: int
@@ -71,6 +74,8 @@ class Settings:
     filter_type: str = "BLACKMAN_HARRIS"
     filter_width: float = 1.5
     window: tuple = ()  # x0, x1, y0, y1 of the film to render, from the top; empty: all.
+    has_groups: bool = True    # Whether the image has layers of light groups,
+    is_corrected: bool = True  # and F12 makes the frame of it.
 
 
 def export_scene(depsgraph, path, content_root, settings, set_frame, view):
@@ -83,7 +88,8 @@ def export_scene(depsgraph, path, content_root, settings, set_frame, view):
     report = Report()
     content = ContentFolder(content_root)
     header, body = io.StringIO(), io.StringIO()
-    window, sky = _write_scene(depsgraph, header, body, content, report, settings, set_frame, view)
+    window, sky, groups, holdouts = _write_scene(depsgraph, header, body, content, report, settings,
+                                                 set_frame, view)
     temporary = f"{path}.{os.getpid()}.partial"
     with open(temporary, "w", encoding="utf-8") as file:
         for part in (header, body):
@@ -92,13 +98,13 @@ def export_scene(depsgraph, path, content_root, settings, set_frame, view):
     os.replace(temporary, path)
     if content.written:
         content.prune()
-    return Exported(path, report, window, sky, time.monotonic() - start,
+    return Exported(path, report, window, sky, groups, holdouts, time.monotonic() - start,
                     time.thread_time() - cpu_start, content.written, content.kept)
 
 
 def _write_scene(depsgraph, header, body, content, report, settings, set_frame, view):
-    """Returns Exported.view_window and sky. All values are those at the frame; only what moves is
-    read at other times.
+    """Returns Exported.view_window, sky, groups and holdouts. All values are those at the frame;
+    only what moves is read at other times.
     """
     scene = depsgraph.scene_eval
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
@@ -116,8 +122,10 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
         camera_parameters.update(camera.lens_parameters(camera_object, scene, states[0], shutter,
                                                         report))
     text = SceneText(body)
+    groups = LightGroups(depsgraph.view_layer_eval, settings.has_groups, settings.is_corrected,
+                         report)
     writer = SceneWriter(text, materials.TextureTable(text, images.file_of), images, content,
-                         exposure, report)
+                         exposure, report, groups)
     text.raw("WorldBegin")
     geometries = list(collector.geometries.values())
     view_now = camera.views_of(states, kind)[0]
@@ -127,10 +135,10 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     with report.guard("scene"):
         sphere = sphere_of(geometries)
     with report.guard("settings"):
-        note_settings(depsgraph, camera_object, collector, sphere, report)
-    background = _write_sky(text, depsgraph, exposure, images, content, report)
+        note_settings(depsgraph, camera_object, collector, report)
+    background = _write_sky(text, depsgraph, exposure, images, content, report, groups)
     _fill_world(writer, depsgraph, images, report)
-    _write_lights(text, collector.lights, exposure, sphere, images, content, report)
+    _write_lights(text, collector.lights, exposure, sphere, images, content, report, groups)
     moved = None
     if shutter is not None:
         with report.guard("motion blur"):
@@ -147,16 +155,17 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     _write_camera(options, camera.views_of(states, kind), kind, camera_parameters, medium)
     return (states[0].window if kind == "perspective" else (),
             Sky(background, camera.camera_from_world(states[0].matrix).inverted_safe(),
-                states[0].window, kind))
+                states[0].window, kind), groups, collector.holdouts)
 
 
-def _write_sky(text, depsgraph, exposure, images, content, report):
+def _write_sky(text, depsgraph, exposure, images, content, report, groups):
     """The world of the layer; returns its world.Background."""
     layer = depsgraph.view_layer_eval
     chosen = getattr(layer, "world_override", None) or depsgraph.scene_eval.world
     background = world.Background()
     if layer.use_sky and chosen is not None:
-        with report.guard(f'world "{chosen.name}"'), text.whole():
+        group = groups.parameters(getattr(chosen, "lightgroup", ""))
+        with report.guard(f'world "{chosen.name}"'), text.whole(), text.lights_with(group):
             background = world.write_world(text, depsgraph.scene, chosen, exposure, images,
                                            content, report)
     return background
@@ -173,11 +182,11 @@ def _fill_world(writer, depsgraph, images, report):
             writer.fill_world(found)
 
 
-def _write_lights(text, places, exposure, sphere, images, content, report):
+def _write_lights(text, places, exposure, sphere, images, content, report, groups):
     for place in places:
         with report.guard(f'light "{place.name}"'), text.whole():
             color = lights.color_of(place.light, exposure, report, images)
-            lights.write_light(text, place, color, sphere, content, report)
+            lights.write_light(text, place, color, sphere, content, report, groups)
 
 
 def _read_motion(depsgraph, collector, states, kind, settings, set_frame, shutter, view):

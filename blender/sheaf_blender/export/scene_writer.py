@@ -8,7 +8,7 @@ import numpy
 
 from ..scene import closures, materials, values
 from ..scene.text import parameters_text
-from . import inside_of, lights, motion, placed_nodes, smoke
+from . import inside_of, lights, motion, placed_nodes, shaders, smoke
 from .collector import Geometry
 
 _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
@@ -17,18 +17,19 @@ _MATRIX_FORMAT = "[" + " ".join(["%.9g"] * 16) + "]"
 class SceneWriter:
     """Writes shapes, instances and media, with the names of Blender's objects for mattes."""
 
-    def __init__(self, text, textures, images, content, exposure, report):
-        self._text = text
+    def __init__(self, text, textures, images, content, exposure, report, groups):
+        self._text, self._groups = text, groups
         self._textures, self._images, self._report = textures, images, report
         self._content, self._exposure = content, exposure
         self._materials = materials.MaterialTable(text, textures)
         self._media = {}    # By medium: two materials of one name may differ.
         self._prepared = {}
-        self._around = ""   # The medium that fills the world.
+        self._around = ""   # The medium that fills the world,
+        self._filling = None  # as a shaders.Medium.
 
     def fill_world(self, shading):
         """Writes the medium of the world, which surrounds and fills what has none of its own."""
-        self._around = self._medium(shading)
+        self._around, self._filling = self._medium(shading), shading.medium
         self._text.raw(self._usual_media())
 
     def _usual_media(self):
@@ -67,7 +68,8 @@ class SceneWriter:
                 continue
             if inside_of.is_plane(matrix):
                 self._write_flat(geometry, names, i)
-            for values_of in (geometry.matrices, geometry.object_names, geometry.keys):
+            for values_of in (geometry.matrices, geometry.object_names, geometry.keys,
+                              geometry.groups):
                 del values_of[i]
 
     def _write_flat(self, geometry, names, index):
@@ -80,7 +82,8 @@ class SceneWriter:
             file, = motion.baked_files(self._content, part, [geometry.matrices[index]], None)
             parts.append(dataclasses.replace(part, file=file, later_files=[]))
         self._write_shapes(dataclasses.replace(geometry, parts=parts),
-                           [(material, "") for material, _ in names], geometry.object_names[index])
+                           [(material, "") for material, _ in names], geometry.object_names[index],
+                           geometry.groups[index])
 
     def write_camera_medium(self, found, camera_name):
         """The name of the medium around the camera; empty for none. found: see inside_of."""
@@ -126,6 +129,8 @@ class SceneWriter:
         medium = shading.medium
         if medium is None:
             return ""
+        if self._filling is not None:
+            medium = self._with_filling(medium, shading.name)
         if medium not in self._media:
             if medium.blackbody > 0:
                 self._report.left_out(f'material "{shading.name}"',
@@ -137,6 +142,20 @@ class SceneWriter:
                 "string type": "homogeneous", **_coefficients(medium, 1.0, self._exposure)})
             self._media[medium] = name
         return self._media[medium]
+
+    def _with_filling(self, medium, name):
+        """The medium and that of the world in one, as Cycles adds them."""
+        both = [medium, self._filling]
+        scatter = [one for one in both if max(one.scattering) > 0]
+        if len(scatter) == 2 and scatter[0].anisotropy != scatter[1].anisotropy:
+            self._report.approximated(f'material "{name}"', "its volume and that of the world "
+                                      "scatter with the mean of their Anisotropy")
+        return shaders.sum_of_media(both)
+
+    def _note_filling(self, geometry):
+        if self._filling is not None:
+            self._report.left_out(_item(geometry), "the volume of the world inside its grid: it is "
+                                                   "thinner there than in Cycles")
 
     @staticmethod
     def _emits(part):
@@ -153,7 +172,8 @@ class SceneWriter:
         else:
             if matrix is not None:
                 lights.write_transform(text, *(found or (matrix, None)))
-            self._write_shapes(geometry, names, geometry.object_names[index])
+            self._write_shapes(geometry, names, geometry.object_names[index],
+                               geometry.groups[index])
         text.directive("AttributeEnd")
 
     def _motion(self, geometry, index, moved):
@@ -185,8 +205,10 @@ class SceneWriter:
         self._write_shapes(dataclasses.replace(geometry, parts=parts), names,
                            geometry.object_names[index])
 
-    def _write_shapes(self, geometry: Geometry, names, object_name=None):
-        """object_name: of shapes that stand alone; instances name those of an object."""
+    def _write_shapes(self, geometry: Geometry, names, object_name=None, group=""):
+        """object_name: of shapes that stand alone; instances name those of an object. group: of
+        their light.
+        """
         text = self._text
         for part, (material, medium) in zip(geometry.parts, names):
             parameters = {"string filename": part.file, **_name(object_name)}
@@ -201,7 +223,8 @@ class SceneWriter:
             emits = self._emits(part)
             if emits:
                 text.directive("AttributeBegin")
-                self._write_emission(part)
+                with text.lights_with(self._groups.parameters(group)):
+                    self._write_emission(part)
             text.directive("Shape", "plymesh", parameters)
             if emits:
                 text.directive("AttributeEnd")
@@ -257,6 +280,7 @@ class SceneWriter:
     def _write_smoke(self, geometry, names):
         """Each instance of a mesh with a grid of smoke of its own inside."""
         text = self._text
+        self._note_filling(geometry)
         for i, matrix in enumerate(geometry.matrices):
             name = _grid_name(geometry, i)
             text.directive("AttributeBegin")
@@ -272,6 +296,7 @@ class SceneWriter:
     def _write_grids(self, geometry):
         """A box around each instance of a volume, filled with the grid of its file."""
         grid, text = geometry.medium_grid, self._text
+        self._note_filling(geometry)
         medium = grid.shading.medium
         for i, matrix in enumerate(geometry.matrices):
             scale = matrix.median_scale if grid.is_object_space else 1.0

@@ -6,15 +6,17 @@ scene/settings_table.py, and a few that depend on others.
 import math
 
 import bpy
+import numpy
 
 from ..scene import settings_table
 
 COLLECTIONS_MAX = 100_000
+TRANSPARENT_SHARE = 3  # Times that a way through a scene with bounces crosses its clear surfaces.
 FULL_TURN_MIN = 1e-3  # Radians by which a panorama may miss the whole sphere.
 
 
-def note_all(depsgraph, camera_object, collector, sphere, report):
-    """Reports all settings. sphere: (center, radius) of the scene."""
+def note_all(depsgraph, camera_object, collector, report):
+    """Reports all settings."""
     scene = depsgraph.scene_eval
     layer = depsgraph.view_layer_eval
     _note("ViewLayer", layer, f'view layer "{layer.name}"', report)
@@ -31,13 +33,18 @@ def note_all(depsgraph, camera_object, collector, sphere, report):
         report.approximated("scene", f"Cycles scatters light {cycles.volume_bounces} times in "
                             f"volumes, Sheaf up to {scene.sheaf.max_depth} times: volumes may be "
                             "brighter; set Volume Bounces of Cycles to compare")
+    limit = getattr(cycles, "transparent_max_bounces", 8)
+    if TRANSPARENT_SHARE * collector.clear_sides() > limit:
+        report.approximated("scene", f"Cycles lets light pass {limit} transparent surfaces on its "
+                            "way, Sheaf any number: what lies behind many is brighter; set "
+                            "Transparent bounces of Cycles to compare")
     if scene.world is not None:
         item = f'world "{scene.world.name}"'
         _note("World", scene.world, item, report)
         _note("CyclesWorldSettings", getattr(scene.world, "cycles", None), item, report)
         _note("CyclesVisibilitySettings", getattr(scene.world, "cycles_visibility", None), item,
               report)
-    _note_camera(camera_object, cycles, sphere, report)
+    _note_camera(camera_object, cycles, collector, report)
     for found in depsgraph.objects:
         _note_object(found, report)
 
@@ -86,7 +93,7 @@ def _note_object(found, report):
         report.left_out(item, "velocities: a volume stands still while the shutter is open")
 
 
-def _note_camera(camera_object, cycles, sphere, report):
+def _note_camera(camera_object, cycles, collector, report):
     camera = camera_object.data
     item = f'camera "{camera_object.name}"'
     _note("CameraDOFSettings", camera.dof, item, report)
@@ -95,12 +102,48 @@ def _note_camera(camera_object, cycles, sphere, report):
         if camera.stereo.use_spherical_stereo and bpy.context.scene.render.use_multiview:
             report.left_out(item, "Spherical Stereo: both eyes of a panorama are in one place")
         return
-    if camera.clip_start > 0.11:
-        report.left_out(item, "Clip Start: nearer objects are visible")
-    center, radius = sphere
-    reach = (center - camera_object.matrix_world.translation).length + radius
-    if camera.clip_end < reach:
-        report.left_out(item, f"Clip End: objects farther than {camera.clip_end:g} are visible")
+    near, far = _clipped(camera_object, collector)
+    if near:
+        report.left_out(item, f"Clip Start: what is nearer than {camera.clip_start:g} is visible, "
+                              f'as of "{near}"')
+    if far:
+        report.left_out(item, f"Clip End: what is farther than {camera.clip_end:g} is visible, as "
+                              f'of "{far}"')
+
+
+def _clipped(camera_object, collector):
+    """The names of objects of which Cycles' camera does not see what is near and far; empty for
+    none. Objects before Clip Start may lie beside the image.
+    """
+    camera, near, far = camera_object.data, "", ""
+    view = camera_object.matrix_world.inverted_safe()
+    for geometry in collector.geometries.values():
+        for matrix, name in zip(geometry.matrices, geometry.object_names):
+            if matrix is None:
+                continue
+            to_view = view @ matrix
+            reach = geometry.radius * max(abs(x) for x in to_view.to_scale())
+            depth = -to_view.translation.z
+            is_near = not near and depth - reach < camera.clip_start and depth + reach > 0
+            if is_near or not far and depth + reach > camera.clip_end:
+                first, last = _depths(geometry, to_view)
+                near = near or name * (is_near and first < camera.clip_start < last
+                                       and 0 < first)
+                far = far or name * (last > camera.clip_end)
+        if far and near:
+            break
+    return near, far
+
+
+def _depths(geometry, to_view):
+    """The least and greatest distance along the camera's axis of a geometry's vertices."""
+    row = numpy.array(to_view.row[2])
+    found = [(0.0, 0.0)]
+    for part in geometry.parts:
+        if part.arrays is not None:
+            depths = -(part.arrays.positions @ row[:3] + row[3])
+            found.append((float(depths.min()), float(depths.max())))
+    return (min(low for low, _ in found[1:] or found), max(high for _, high in found[1:] or found))
 
 
 def _note_panorama(camera, item, report):

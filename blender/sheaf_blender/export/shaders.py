@@ -5,6 +5,7 @@ import dataclasses
 
 from ..scene import closures, materials, principled, values
 from ..scene.closures import BLACK, Closure
+from ..scene.report import Report
 from . import node_links, principled_node, settings
 from .node_values import NodeValues
 
@@ -33,6 +34,7 @@ class Shading:
     has_surface: bool = True
     has_texture: bool = False  # Whether it uses the uv of the mesh.
     uv_map: str = ""           # Its name; empty: the one that is active for rendering.
+    uv_base: tuple = ((1.0, 0.0), (0.0, 1.0))  # The uv of its meshes are multiplied with it.
 
 
 PINK = Shading("cannot be read", Closure(materials.diffuse(closures.PINK)))
@@ -42,13 +44,23 @@ def read_material(material, report, images):
     """The Shading of a Blender material, which may be None."""
     if material is None:
         return Shading("default", Closure(materials.diffuse((0.8, 0.8, 0.8))))
-    item = f'material "{material.name}"'
     if not material.use_nodes or material.node_tree is None:
         return Shading(material.name, Closure(materials.diffuse(tuple(material.diffuse_color[:3]))))
     output = node_links.output_node(material.node_tree)
     if output is None:
         return Shading(material.name, Closure(materials.diffuse(BLACK)))
-    reader = ShaderReader(item, report, images)
+    first = Report()
+    found, turns = _read_output(material, output, first, images, Shading.uv_base)
+    if not turns:
+        report.include(first)
+        return found
+    return _read_output(material, output, report, images, tuple(map(tuple, turns[0].tolist())))[0]
+
+
+def _read_output(material, output, report, images, uv_base):
+    """(Shading, matrices of Mapping nodes that uv_base leaves turned)."""
+    item = f'material "{material.name}"'
+    reader = ShaderReader(item, report, images, uv_base)
     place = node_links.Place(output)
     surface, volume = (node_links.input_of(place, name) for name in ("Surface", "Volume"))
     has_surface = node_links.source(surface)[0] is not None
@@ -67,8 +79,8 @@ def read_material(material, report, images):
     if len(maps) > 1:
         report.approximated(item, f"{len(maps)} UV maps: the one that is active for rendering is "
                                   "used")
-    return Shading(material.name, closure, medium, has_surface, bool(maps),
-                   next(iter(maps)) if len(maps) == 1 else "")
+    return (Shading(material.name, closure, medium, has_surface, bool(maps),
+                    next(iter(maps)) if len(maps) == 1 else "", uv_base), reader.values.uv_turns)
 
 
 def read_world_volume(world, report, images):
@@ -84,9 +96,9 @@ def read_world_volume(world, report, images):
 class ShaderReader:
     """Reads the shaders of one material."""
 
-    def __init__(self, item, report, images):
+    def __init__(self, item, report, images, uv_base=Shading.uv_base):
         self.item, self.report = item, report
-        self.values = NodeValues(item, report, images)
+        self.values = NodeValues(item, report, images, uv_base)
         self._memory = node_links.Memory(report, item)
         self._media = node_links.Memory(report, item)
 
@@ -107,6 +119,10 @@ class ShaderReader:
         normal_map, bump = self.normals(node_links.input_of(place, "Normal"))
         return dataclasses.replace(
             closure, material=materials.with_bumps(closure.material, normal_map, bump))
+
+    def has_own_uv(self):
+        """Whether the tangents of its meshes are those of Blender's uv."""
+        return bool((self.values.uv_base == ((1.0, 0.0), (0.0, 1.0))).all())
 
     def value(self, place, *names):
         return self.values.read(node_links.input_of(place, *names))
@@ -278,7 +294,7 @@ class ShaderReader:
             if isinstance(color, values.ImageValue):
                 if strength != 1:
                     color = values.apply(color, "normal_strength", strength)
-                if color.mapping != (1.0, 1.0, 0.0, 0.0):
+                if color.mapping != (1.0, 1.0, 0.0, 0.0) or not self.has_own_uv():
                     self.report.left_out(self.item, "the Mapping of a normal map")
                 tilt = self.values.tilt_of(color)
                 if tilt > TILT_MIN_DEGREES:
@@ -332,7 +348,7 @@ class ShaderReader:
         if node.type == "ADD_SHADER":
             parts = [self.medium(node_links.Input(socket, place.groups))
                      for socket in node.inputs[:2]]
-            return _sum_of_media([part for part in parts if part is not None])
+            return sum_of_media([part for part in parts if part is not None])
         if node.type == "EMISSION":
             strength = self.number(place, "Strength", usual=1.0)
             return Medium(BLACK, BLACK, emission=tuple(
@@ -383,7 +399,8 @@ def _scaled(height, factor):
     return values.apply(height, "multiply", *(factor,) * 3)
 
 
-def _sum_of_media(parts):
+def sum_of_media(parts):
+    """One Medium in place of several in one space, or None."""
     if not parts:
         return None
     total = parts[0]

@@ -187,6 +187,9 @@ def texture_place(reader, wanted):
     space = spaces.get(place.node.type, {}).get(output.name)
     if space == "uv":
         reader.uv_maps.add(getattr(place.node, "uv_map", ""))
+        matrix = numpy.identity(4)
+        matrix[:2, :2] = numpy.linalg.inv(reader.uv_base)
+        return space, matrix
     return None if space is None else (space, numpy.identity(4))
 
 

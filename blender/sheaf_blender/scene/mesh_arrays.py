@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Meshes as arrays: from Blender's corners to vertices that triangles share, by material."""
 import dataclasses
+import math
 
 import numpy
 
@@ -87,3 +88,20 @@ def area(positions, triangles):
     """The area of the triangles."""
     a, b, c = (positions[triangles[:, i]].astype(numpy.float64) for i in range(3))
     return 0.5 * float(numpy.linalg.norm(numpy.cross(b - a, c - a), axis=1).sum())
+
+
+def normal_tilt_degrees(arrays):
+    """The mean angle between the normals of corners and of their triangles, by area."""
+    if arrays.normals is None or len(arrays.triangles) == 0:
+        return 0.0
+    a, b, c = (arrays.positions[arrays.triangles[:, i]].astype(numpy.float64) for i in range(3))
+    faces = numpy.cross(b - a, c - a)
+    sizes = numpy.linalg.norm(faces, axis=1)
+    if sizes.sum() <= 0:
+        return 0.0
+    total = 0.0
+    for i in range(3):
+        cosines = (faces * arrays.normals[arrays.triangles[:, i]]).sum(axis=1)
+        total += float((sizes * numpy.arccos(numpy.clip(
+            cosines / numpy.maximum(sizes, 1e-300), -1, 1))).sum())
+    return math.degrees(total / (3 * float(sizes.sum())))

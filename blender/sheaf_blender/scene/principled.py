@@ -31,6 +31,9 @@ ADDED_SHEEN_ROUGHNESS, ADDED_SHEEN_SCALE, ADDED_SHEEN_ALBEDO = 0.35, 0.101, 0.01
 # Disney's diffuse albedo over Lambert's, averaged over directions: linear in roughness within
 # 0.002.
 ADDED_DIFFUSE, ADDED_DIFFUSE_SLOPE = 0.953, 0.112
+DIRECTIONS_MAX = 0.03  # Difference from Lambert's albedo that shows between bright walls,
+BRIGHT_MIN = 0.5       # which have this color or more.
+SCALE_MIN = 1e-3       # Less than this of a reflection is not written.
 # Since 4.0 sheen is that of Zeltner et al. 2022, "Practical Multiple-Scattering Sheen Using
 # Linearly Transformed Cosines". Its roughness, then roughness and factor of Sheaf's sheen that fit
 # the albedo which Cycles 4.3 shows on spheres: within 0.008 up to 0.6, within 0.03 at 0.7.
@@ -39,6 +42,8 @@ _FIBERS = ((0.0, 0.1, 0.0), (0.1, 0.1, 0.148), (0.2, 0.125, 0.676), (0.3, 0.2, 0
            (0.8, 1.0, 1.0))
 FIBERS_ROUGHNESS_MAX = 0.7
 _ANGLES = 4096
+_STEPS = 24         # In each of three dimensions; reflection_means are within 0.001.
+_ALPHA_MIN = 1e-3   # Smoother facets are a mirror.
 _ROUGHNESS_IS_ALPHA = {"bool remaproughness": False}
 
 
@@ -54,6 +59,42 @@ def fresnel_mean(ior):
         perpendicular = (cosine - ior * inside) / (cosine + ior * inside)
         total += (parallel**2 + perpendicular**2) / 2
     return total / _ANGLES
+
+
+@functools.lru_cache(maxsize=4096)
+def reflection_means(ior, roughness):
+    """(what one facet of a rough dielectric reflects of diffuse light from outside, what several
+    facets reflect). roughness: Blender's. Visible facets: Heitz 2018, "Sampling the GGX
+    Distribution of Visible Normals"; several: Kulla and Conty 2017, "Revisiting Physically Based
+    Shading at Imageworks".
+    """
+    alpha, smooth = min(max(roughness, 0.0), 1.0) ** 2, fresnel_mean(ior)
+    if alpha < _ALPHA_MIN:
+        return smooth, 0.0
+    steps = (numpy.arange(_STEPS) + 0.5) / _STEPS
+    cosine, radius, turn = numpy.meshgrid(numpy.sqrt(steps), numpy.sqrt(steps), 2 * math.pi * steps)
+    sine = numpy.sqrt(1 - cosine**2)
+    x = alpha * sine  # The direction outside, where the surface is stretched to alpha 1.
+    length = numpy.hypot(x, cosine)
+    x, z = x / length, cosine / length
+    a = radius * numpy.cos(turn)
+    b = radius * numpy.sin(turn)
+    half = (1 + z) / 2
+    a = (1 - half) * numpy.sqrt(1 - b**2) + half * a
+    c = numpy.sqrt(numpy.maximum(1 - a**2 - b**2, 0))
+    facet = numpy.stack([alpha * (x * c - z * a), alpha * b, numpy.maximum(z * c + x * a, 1e-9)])
+    facet /= numpy.linalg.norm(facet, axis=0)
+    met = facet[0] * sine + facet[2] * cosine
+    leaving = 2 * met * facet[2] - cosine
+    shadow = lambda mu: 2 / (1 + numpy.sqrt(1 + alpha**2 * (1 / numpy.maximum(mu, 1e-6)**2 - 1)))
+    first, second = shadow(cosine), shadow(leaving)
+    seen = numpy.where(leaving > 0, second / (first + second - first * second), 0)
+    inside = numpy.sqrt(1 - (1 - met**2) / ior**2)
+    parallel = (ior * met - inside) / (ior * met + inside)
+    perpendicular = (met - ior * inside) / (met + ior * inside)
+    kept = float(seen.mean())
+    once = float(((parallel**2 + perpendicular**2) / 2 * seen).mean())
+    return once, (1 - kept) * smooth**2 * kept / (1 - smooth * (1 - kept))
 
 
 def ior_of_reflectance(f0):
@@ -92,6 +133,7 @@ class PrincipledInputs:
     film_nm: float = 0.0           # Thin Film Thickness.
     film_ior: float = 1.33
     is_layered: bool = True        # Blender 4.0 and later.
+    keeps_energy: bool = True      # Multiscatter GGX.
 
 
 def square(value):
@@ -106,7 +148,7 @@ def square(value):
 def surface(colors, floats, transmission=None, metallic=None):
     """A principled Material. Inputs at Sheaf's defaults and zeros are not written."""
     usual = {"specular_tint": WHITE, "sheen_color": (0.0, 0.0, 0.0), "ior": 1.5, "anisotropy": 0.0,
-             "coat": 0.0, "iridescence": 0.0, "transmission": 0.0, "metallic": 0.0}
+             "specular": 1.0, "coat": 0.0, "iridescence": 0.0, "transmission": 0.0, "metallic": 0.0}
     colors = {name: _within(values.color(value)) for name, value in colors.items()}
     floats = {name: value for name, value in {
         **floats, "transmission": transmission or 0.0, "metallic": metallic or 0.0}.items()}
@@ -278,10 +320,11 @@ class _Reader:
                                   "is diffuse")
         ior, tint = self._specular()
         color = self._below_coat(inputs.base_color)
+        floats = {**shared[1], "ior": ior}
         if not inputs.is_layered:
-            color = self._added_to(color, ior)
+            color, floats["specular"] = self._added_to(color, ior)
         return surface({"base_color": color, "specular_tint": self._below_coat(tint), **shared[0]},
-                       {**shared[1], "ior": ior})
+                       floats)
 
     def _specular(self):
         """(index, tint) of the opaque base's reflection."""
@@ -314,16 +357,27 @@ class _Reader:
         return self._product(color, tuple(1 + (x - 1) * weight for x in tint))
 
     def _added_to(self, color, ior):
-        """The base that has this albedo below layers, of Blender before 4.0."""
+        """(base that has this albedo below layers, factor of their reflection), of Blender before
+        4.0.
+        """
         inputs = self.inputs
         mean = lambda value: self.mean_of(values.gray(_within(value)))
-        left = 1 - fresnel_mean(ior) if ior > 1 else 1.0
-        left *= 1 - COAT_SCALE * mean(inputs.coat) * fresnel_mean(_ior(inputs.coat_ior))
+        roughness = round(mean(inputs.roughness), 3)
+        once, more = reflection_means(ior, roughness) if ior > 1 else (0.0, 0.0)
+        # Cycles loses what several facets reflect.
+        scale = once / (once + more) if once and not inputs.keeps_energy else 1.0
+        coat = reflection_means(_ior(inputs.coat_ior), round(mean(inputs.coat_roughness), 3))
+        left = 1 - scale * (once + more)
+        left *= 1 - COAT_SCALE * mean(inputs.coat) * sum(coat)
         left *= 1 - ADDED_SHEEN_ALBEDO * mean(inputs.sheen)
-        factor = (ADDED_DIFFUSE + ADDED_DIFFUSE_SLOPE * mean(inputs.roughness)) / left
+        diffuse = ADDED_DIFFUSE + ADDED_DIFFUSE_SLOPE * roughness
+        if abs(diffuse - 1) > DIRECTIONS_MAX and mean(color) > BRIGHT_MIN:
+            self.report.approximated(self.item, "its base is as bright as Disney's in the mean of "
+                                     "all directions: up to 5 % off in closed rooms")
+        scale = 1.0 if scale > 1 - SCALE_MIN else round(scale, 4)
         if values.is_constant(color):
-            return _within(tuple(factor * x for x in values.color(color)))
-        return values.ScaleValue(color, factor)
+            return _within(tuple(diffuse / left * x for x in values.color(color))), scale
+        return values.ScaleValue(color, diffuse / left), scale
 
     def _glass(self, shared):
         inputs = self.inputs

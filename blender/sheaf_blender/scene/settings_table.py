@@ -36,7 +36,7 @@ def reported(names, neutral, text):
 
 LIGHT = (
     handled("type color energy node_tree use_nodes use_temperature temperature",
-            "a negative energy is reported: the light is off"),
+            "F12 takes the light of a negative energy away; frames of one job report it"),
     handled("shadow_soft_size", "the radius of a spot is 64 points; since Blender 4.0 it is "
             "reported: its shadows are sharp"),
     handled("spot_size spot_blend angle shape size size_y"),
@@ -64,7 +64,7 @@ TABLE = {
                  "use_pass_subsurface_indirect use_pass_subsurface_color", ELSEWHERE,
                  "the pass is missing"),
         reported("aovs", EMPTY, "Shader AOVs: these passes are missing"),
-        reported("lightgroups", EMPTY, "Light Groups: these passes are missing"),
+        handled("lightgroups", "the passes Combined_NAME, but beside Kinds of Light"),
         reported("pass_cryptomatte_depth", 6, "Cryptomatte Levels: there are six"),
         reported("pass_alpha_threshold", 0.5, "Alpha Threshold: depth is that of all surfaces"),
     ),
@@ -77,7 +77,7 @@ TABLE = {
     ),
     "LayerCollection": (
         handled("exclude", "by Blender's evaluation"),
-        reported("holdout", False, "Holdout: its objects are visible"),
+        handled("holdout", "F12 cuts its objects out of the image; frames of one job report it"),
         reported("indirect_only", False, "Indirect Only: its objects are seen by the camera"),
     ),
     "Object": (
@@ -87,9 +87,9 @@ TABLE = {
         reported("visible_camera visible_diffuse visible_glossy visible_transmission "
                  "visible_volume_scatter visible_shadow", ELSEWHERE,
                  "Ray Visibility: it is visible to all rays"),
-        reported("is_holdout", ELSEWHERE, "Holdout"),
-        reported("is_shadow_catcher", ELSEWHERE, "Shadow Catcher"),
-        reported("lightgroup", "", "Light Group: its pass is missing"),
+        handled("is_holdout", "F12 cuts it out of the image; frames of one job report it"),
+        reported("is_shadow_catcher", ELSEWHERE, "Shadow Catcher: it is visible, as other objects"),
+        handled("lightgroup"),
         reported("light_linking", ELSEWHERE, "Light Linking: all lights light it"),
     ),
     "CyclesObjectSettings": (
@@ -112,7 +112,7 @@ TABLE = {
         handled("color node_tree use_nodes", "trees that are not a color or an environment are "
                 "rendered to a map by Cycles"),
         handled("mist_settings", "the pass Mist"),
-        reported("lightgroup", "", "Light Group: its pass is missing"),
+        handled("lightgroup"),
     ),
     "CyclesWorldSettings": (
         reported("max_bounces", 1024, "Max Bounces of the world: it lights all bounces"),

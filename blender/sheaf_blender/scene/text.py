@@ -48,10 +48,13 @@ class SceneText:
 
     def __init__(self, file):
         self._file = file
+        self._of_lights = {}
 
     def directive(self, name, *arguments, **_):
         """Arguments: strings are quoted, dictionaries are parameters."""
         text = name
+        if name in ("LightSource", "AreaLightSource") and self._of_lights:
+            arguments = (*arguments, self._of_lights)
         for argument in arguments:
             text += (parameters_text(argument) if isinstance(argument, dict)
                      else " " + quoted(argument))
@@ -63,6 +66,15 @@ class SceneText:
 
     def transform(self, name, matrix):
         self.raw(f"{name} {matrix_text(matrix)}")
+
+    @contextlib.contextmanager
+    def lights_with(self, parameters):
+        """Adds parameters to all lights that are written meanwhile."""
+        before, self._of_lights = self._of_lights, parameters
+        try:
+            yield
+        finally:
+            self._of_lights = before
 
     @contextlib.contextmanager
     def whole(self):

@@ -4,6 +4,9 @@
 import numpy
 import OpenImageIO
 
+BLOCK_PX = 8
+BLOCK_DIFFERENCE_MAX = 0.06  # Fraction of the block, plus
+IMAGE_DIFFERENCE_MAX = 0.03  # that of the image.
 CHANNEL_MIN = 0.01  # The least mean that a channel is compared to, as a part of that of all three.
 
 
@@ -45,6 +48,22 @@ def compare(folder, scene):
     output.close()
     least = CHANNEL_MIN * float(means[0].mean()) or 1.0  # A channel may be black.
     return ((means[1] - means[0]) / numpy.maximum(means[0], least)).tolist()
+
+
+def blocks_apart(folder, scene):
+    """(count of blocks that differ, blocks, the largest difference as a fraction of the image)."""
+    cycles, sheaf = (read(folder / f"{scene}.{engine}.exr")
+                     for engine in ("cycles", "sheaf"))
+    mean, apart, blocks, largest = float(cycles.mean()), 0, 0, 0.0
+    for y in range(0, cycles.shape[0] - BLOCK_PX + 1, BLOCK_PX):
+        for x in range(0, cycles.shape[1] - BLOCK_PX + 1, BLOCK_PX):
+            first, second = (float(image[y:y + BLOCK_PX, x:x + BLOCK_PX].mean())
+                             for image in (cycles, sheaf))
+            blocks += 1
+            difference = abs(second - first)
+            largest = max(largest, difference / (mean or 1.0))
+            apart += difference > BLOCK_DIFFERENCE_MAX * first + IMAGE_DIFFERENCE_MAX * mean
+    return apart, blocks, largest
 
 
 def curve(light):

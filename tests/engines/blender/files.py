@@ -19,26 +19,7 @@ import tempfile
 
 import run
 
-BLOCK_PX = 8
-BLOCK_DIFFERENCE_MAX = 0.06   # Fraction of the block, plus
-IMAGE_DIFFERENCE_MAX = 0.03   # that of the image.
 FILES_MAX = 1000
-
-
-def blocks_apart(compare, folder, name):
-    """(count of blocks that differ, blocks, the largest difference as a fraction of the image)."""
-    cycles, sheaf = (compare.read(folder / f"{name}.{engine}.exr")
-                     for engine in ("cycles", "sheaf"))
-    mean, apart, blocks, largest = float(cycles.mean()), 0, 0, 0.0
-    for y in range(0, cycles.shape[0] - BLOCK_PX + 1, BLOCK_PX):
-        for x in range(0, cycles.shape[1] - BLOCK_PX + 1, BLOCK_PX):
-            first, second = (float(image[y:y + BLOCK_PX, x:x + BLOCK_PX].mean())
-                             for image in (cycles, sheaf))
-            blocks += 1
-            difference = abs(second - first)
-            largest = max(largest, difference / (mean or 1.0))
-            apart += difference > BLOCK_DIFFERENCE_MAX * first + IMAGE_DIFFERENCE_MAX * mean
-    return apart, blocks, largest
 
 
 def render_file(bench, compare, path, name):
@@ -54,7 +35,7 @@ def render_file(bench, compare, path, name):
         noted += re.findall(r"^Sheaf: (.*\((?:approximated|left out)\))$", said, re.M)
         of = re.search(r"^FILE_OF (.*)$", said, re.M)[1]
     differences = compare.compare(bench.folder, name)
-    apart, blocks, largest = blocks_apart(compare, bench.folder, name)
+    apart, blocks, largest = compare.blocks_apart(bench.folder, name)
     is_apart = not max(map(abs, differences)) <= run.MEAN_DIFFERENCE_MAX
     verdict = "SILENT" if is_apart and not noted else "named" if is_apart else "ok"
     print(f"{verdict:7}{name} ({of}): {', '.join(f'{100 * x:+.1f}' for x in differences)} %; "

@@ -17,6 +17,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import in_blender
 import scenes
 import scenes_findings
+import scenes_layers
 import scenes_meaning
 from sheaf_blender import engine, operators
 from sheaf_blender.export import node_values, shaders, world_bake
@@ -358,7 +359,8 @@ def test_lamps_that_the_camera_does_not_see_are_points():
 def settings_of_others(b):
     """A scene whose settings all have an effect that Sheaf does not have."""
     ball = scenes_findings.room(b)
-    lamp = b.light("AREA", (-4, -5, 7), energy=-300.0, size=1.0, spread=1.0)
+    b.light("POINT", (4, -5, 7), energy=-300.0)
+    lamp = b.light("AREA", (-4, -5, 7), energy=300.0, size=1.0, spread=1.0)
     lamp.visible_diffuse = False
     lamp.data.cycles.max_bounces = 2
     ball.visible_glossy = False
@@ -383,12 +385,60 @@ def test_settings_without_counterpart_are_reported():
     case = Case(settings_of_others)
     for line in ("its negative power", "64 points", "Ray Visibility .diffuse",
                  "Max Bounces of a light",
-                 'object "Ball": Ray Visibility .glossy', "Holdout$|Holdout .left",
+                 'object "Ball": Ray Visibility .glossy', "Holdout: it is visible; F12 cuts",
                  "Shading Offset", "Clip End", "Ratio of the aperture", "Fast GI",
                  "Refractive Caustics", "Transparent Glass",
                  'world "World": Ray Visibility > Glossy', "the pass Diffuse Color", "Shader AOVs",
-                 'collection "Hidden": Holdout', 'collection "Hidden": Indirect Only'):
+                 'collection "Hidden": Indirect Only'):
         case.says(line)
+
+
+def test_groups_of_lights():
+    case = Case(scenes_layers.negative_in_group)
+    case.has('"string lightgroup" "group1"', 2)
+    case.has('"infinite".*"string lightgroup" "group2"', 1)
+    case.has("lightgroup", 3)
+    case.says("negative power.*F12")
+
+
+def test_objects_that_no_ray_sees_are_not_written():
+    case = Case(scenes_layers.invisible_ones)
+    case.is_silent()
+    check('"Ghost"' not in case.text and '"point"' not in case.text, "they are not written")
+
+
+def test_what_makers_hide_is_reported():
+    Case(scenes_layers.hidden_by_maker).says('object "Maker": Ray Visibility .glossy.: its inst')
+
+
+def test_mapping_nodes_turn_the_uv():
+    for make in (scenes_layers.image_turned, scenes_layers.image_turned_back):
+        case = Case(make)
+        case.is_silent()
+        check("uscale" not in case.text, "the turn and the scale are in the mesh")
+    Case(scenes_layers.images_of_two_turns).says("Rotation of a Mapping node: other textures")
+
+
+def test_volumes_within_fog_are_added():
+    case = Case(scenes_layers.volumes_in_fog)
+    case.is_silent()
+    found = {name: tuple(float(x) for x in re.search(
+        f'"{name}".*"rgb sigma_s" .([0-9. e-]+)', case.text)[1].split())
+        for name in ("World", "ShaderNodeVolumeAbsorption", "ShaderNodeVolumeScatter")}
+    numpy.testing.assert_allclose(found["ShaderNodeVolumeAbsorption"], found["World"], rtol=1e-5)
+    numpy.testing.assert_allclose(found["ShaderNodeVolumeScatter"], numpy.add(
+        found["World"], (0.24, 0.09, 0.06)), rtol=1e-5)
+
+
+def test_clip_end_is_reported_where_it_cuts():
+    Case(scenes_layers.clipped).says('Clip End: what is farther than 8 is visible, as of "Plane"')
+    Case(scenes_layers.unclipped).is_silent()
+
+
+def test_limits_and_normals_that_darken_cycles_are_reported():
+    Case(scenes_layers.shells).says("Cycles lets light pass 8 transparent surfaces")
+    Case(scenes_layers.closed_room).is_silent()
+    Case(scenes_layers.bent_normals).says("smooth normals are tilted by 5. degrees")
 
 
 def main():

@@ -14,6 +14,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import random_scenes
 import scenes
 import scenes_findings
+import scenes_layers
 import scenes_meaning
 import scenes_more
 import scenes_patterns
@@ -27,7 +28,7 @@ def build(name, folder):
         random_scenes.handled(int(name[7:]))(builder)
         return builder.scene
     module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning,
-                                    scenes_patterns)
+                                    scenes_layers, scenes_patterns)
                   if hasattr(module, name))
     getattr(module, name)(builder)
     return builder.scene
@@ -56,8 +57,9 @@ def use_cycles(scene, samples):
     cycles.sample_clamp_indirect = cycles.sample_clamp_direct = cycles.blur_glossy = 0
     cycles.light_sampling_threshold = 0
     cycles.max_bounces = BOUNCES
-    for kind in ("diffuse", "glossy", "transmission", "volume", "transparent_max"):
+    for kind in ("diffuse", "glossy", "transmission", "volume"):
         setattr(cycles, f"{kind}_bounces", BOUNCES)
+    cycles.transparent_max_bounces = 1024  # Sheaf has no limit.
 
 
 def main():

@@ -1,9 +1,10 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Runs inside Blender: renders two view layers, two eyes, and frames of odd sizes and regions.
+"""Runs inside Blender: renders two view layers, groups of lights, two eyes, and frames of odd
+sizes and regions.
 
 blender -b --factory-startup --python protocol_in_blender.py -- WHAT ENGINE SAMPLES OUTPUT FOLDER
-WHAT: layers, eyes or sizes; ENGINE: cycles or sheaf. Sizes are checked here: SIZES_OK.
+WHAT: layers, groups, eyes or sizes; ENGINE: cycles or sheaf. Sizes are checked here: SIZES_OK.
 """
 import os
 import random
@@ -64,7 +65,8 @@ def rendered_is_small(edges, width, height):
 
 def main():
     what, engine, samples, output, folder = sys.argv[sys.argv.index("--") + 1:][:5]
-    scene = in_blender.build("two_layers" if what == "layers" else "two_eyes", folder)
+    scene = in_blender.build({"layers": "two_layers", "groups": "negative_in_group"}.get(
+        what, "two_eyes"), folder)
     image = scene.render.image_settings
     image.file_format, image.color_depth, image.color_mode = "OPEN_EXR", "32", "RGBA"
     (in_blender.use_sheaf if engine == "sheaf" else in_blender.use_cycles)(scene, int(samples))
@@ -72,7 +74,7 @@ def main():
         scene.render.use_multiview = False
         check_sizes(scene, output)
         return
-    if what == "layers":
+    if what in ("layers", "groups"):
         image.file_format = "OPEN_EXR_MULTILAYER"
     else:
         image.views_format = "INDIVIDUAL"
