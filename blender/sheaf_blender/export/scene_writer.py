@@ -37,6 +37,9 @@ class SceneWriter:
 
     def write(self, geometries, moved):
         """moved: a motion.Motion; None without motion blur."""
+        for name, other in inside_of.overlaps(geometries):
+            self._report.approximated(f'object "{name}"', f'its volume and that of "{other}" meet: '
+                                      "one of them counts where Cycles has both")
         for geometry in (placed for each in geometries for placed in placed_nodes.by_place(each)):
             if not geometry.parts and not geometry.strands and geometry.medium_grid is None:
                 continue
@@ -114,6 +117,11 @@ class SceneWriter:
             material = materials.make("interface")
         elif material is None:
             material = materials.diffuse((0.0, 0.0, 0.0))
+        emission = closure.emission
+        if values.is_constant(emission) and min(emission) < 0 and (
+                max(emission) > 0 or not self._groups.can_subtract):
+            self._report.left_out(f'material "{shading.name}"', "its negative Emission; it gives "
+                                  "no light in the channels below 0")
         limited = materials.bounded(material)
         if limited != material:
             self._report.approximated(f'material "{shading.name}"',
@@ -157,10 +165,11 @@ class SceneWriter:
             self._report.left_out(_item(geometry), "the volume of the world inside its grid: it is "
                                                    "thinner there than in Cycles")
 
-    @staticmethod
-    def _emits(part):
+    def _emits(self, part):
         emission = part.shading.closure.emission
-        return not values.is_constant(emission) or max(emission) > 0
+        if not values.is_constant(emission) or max(emission) > 0:
+            return True
+        return self._groups.can_subtract and min(emission) < 0
 
     def _write_alone(self, geometry, names, index, moved):
         text = self._text
@@ -223,8 +232,7 @@ class SceneWriter:
             emits = self._emits(part)
             if emits:
                 text.directive("AttributeBegin")
-                with text.lights_with(self._groups.parameters(group)):
-                    self._write_emission(part)
+                self._write_emission(part, group)
             text.directive("Shape", "plymesh", parameters)
             if emits:
                 text.directive("AttributeEnd")
@@ -239,16 +247,21 @@ class SceneWriter:
             text.directive("Include", path)
             text.directive("AttributeEnd")
 
-    def _write_emission(self, part):
+    def _write_emission(self, part, group):
         emission = part.shading.closure.emission
         if not values.is_constant(emission):
             self._report.approximated(f'material "{part.shading.name}"',
                                       "a texture of Emission: its mean is used")
             mean = [self._images.mean(values.apply(emission, "channel", i)) for i in range(3)]
             emission = tuple(mean)
-        self._text.directive("AreaLightSource", "diffuse", {
-            "rgb L": tuple(max(0.0, self._exposure * c) for c in values.color(emission)),
-            "bool twosided": True})
+        emission = values.color(emission)
+        is_negative = max(emission) <= 0
+        if is_negative:
+            emission = tuple(-c for c in emission)
+        with self._text.lights_with(self._groups.parameters(group, is_negative)):
+            self._text.directive("AreaLightSource", "diffuse", {
+                "rgb L": tuple(max(0.0, self._exposure * c) for c in emission),
+                "bool twosided": True})
 
     def _write_instances(self, geometry, names, moved):
         text = self._text

@@ -62,7 +62,7 @@ def blocks_apart(folder, scene):
             blocks += 1
             difference = abs(second - first)
             largest = max(largest, difference / (mean or 1.0))
-            apart += difference > BLOCK_DIFFERENCE_MAX * first + IMAGE_DIFFERENCE_MAX * mean
+            apart += difference > BLOCK_DIFFERENCE_MAX * abs(first) + IMAGE_DIFFERENCE_MAX * mean
     return apart, blocks, largest
 
 

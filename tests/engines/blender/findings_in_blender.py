@@ -399,6 +399,7 @@ def test_groups_of_lights():
     case.has('"infinite".*"string lightgroup" "group2"', 1)
     case.has("lightgroup", 3)
     case.says("negative power.*F12")
+    Case(scenes_layers.dark_shine).says("its negative Emission")
 
 
 def test_objects_that_no_ray_sees_are_not_written():
@@ -428,6 +429,10 @@ def test_volumes_within_fog_are_added():
     numpy.testing.assert_allclose(found["ShaderNodeVolumeAbsorption"], found["World"], rtol=1e-5)
     numpy.testing.assert_allclose(found["ShaderNodeVolumeScatter"], numpy.add(
         found["World"], (0.24, 0.09, 0.06)), rtol=1e-5)
+
+
+def test_volumes_that_meet_are_reported():
+    Case(scenes_layers.volumes_that_meet).says('"Fog 0.5": its volume and that of "Fog 0.9" meet')
 
 
 def test_clip_end_is_reported_where_it_cuts():

@@ -41,7 +41,8 @@ FINDINGS = (
     "world_colors", "world_sky", "world_sky_hosek", "world_gradient", "world_hidden",
     "world_volume", "world_by_camera_ray", "world_by_camera_ray_rendered",
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
-    "grouped", "negative_lamps", "negative_in_group", "held_out", "invisible_ones",
+    "grouped", "negative_lamps", "negative_in_group", "held_out", "dark_shine",
+    "invisible_ones",
     "image_turned", "image_turned_back", "volumes_in_fog", "closed_room", "shells", "unclipped",
     "shutter_curve", "lamps_in_view", "lamp_around_all", "sun_in_view", "area_spread",
     "spot_soft")

@@ -124,12 +124,26 @@ def volumes_in_fog(b):
                            (2, "ShaderNodeVolumeScatter", (0.8, 0.3, 0.2, 1))):
         b.cube(kind, Matrix.Translation((x, 0, 1.2)) @ Matrix.Scale(0.9, 4),
                volume(b, kind, kind, Color=color, Density=0.3))
-    lamp(b, (-3, 5, 9), 6000.0)
+    lamp(b, (-2, -2, 4), 600.0)
     tree = b.scene.world.node_tree
     fog = tree.nodes.new("ShaderNodeVolumeScatter")
     fog.inputs["Color"].default_value = (0.9, 0.7, 0.5, 1)
-    fog.inputs["Density"].default_value = 0.15
+    fog.inputs["Density"].default_value = 0.06
     tree.links.new(fog.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+
+
+def volumes_that_meet(b):
+    room(b)
+    for size in (0.9, 0.5):
+        b.cube(f"Fog {size}", Matrix.Translation((2, 0, 1.2)) @ Matrix.Scale(size, 4),
+               volume(b, f"Fog {size}", Color=(0.8, 0.8, 0.8, 1), Density=size))
+
+
+def dark_shine(b):
+    """A ball that takes light away."""
+    room(b)
+    b.sphere("Dark", (2, 0, 0.7), 0.5, b.material(
+        "Dark", "ShaderNodeEmission", Color=(1.0, 0.8, 0.6, 1), Strength=-0.4))
 
 
 def closed_room(b, roughness=0.5, value=0.8):
