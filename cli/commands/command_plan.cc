@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
 #include "cli/commands/stereo_option.h"
@@ -83,10 +84,14 @@ class PlanCommand : public Command {
       if (!checked.ok()) return ReportSceneError(checked);
     }
     if (json_) {
-      PrintJson(plan, opened.settings, memory, measurement, techniques);
+      PrintJson(plan, opened.settings, arguments_.settings.measure_techniques, memory, measurement,
+                techniques);
     } else {
       std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
       std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
+      if (arguments_.settings.measure_techniques && !techniques) {
+        std::printf("%s\n", MeasuredLater().c_str());
+      }
       if (measurement) {
         std::printf("\n%s", PrintableLines(render::FormatPlanMeasurement(*measurement)).c_str());
         std::printf("%s\n", render::FormatTechniqueMeasurement(*techniques).c_str());
@@ -103,6 +108,29 @@ class PlanCommand : public Command {
     if (checked.ok()) checked = render::CheckScene(std::move(*scene), settings, files);
     // Without its library no image can be read; this is not an error of the scene.
     return absl::IsFailedPrecondition(checked) ? absl::OkStatus() : checked;
+  }
+
+  // Describes --techniques auto before it has measured.
+  static std::string MeasuredLater() {
+    std::string plain;
+    for (const TechniqueSet techniques :
+         {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided,
+          TechniqueSet::kCameraAndLightGuided}) {
+      absl::StrAppend(&plain, plain.empty() ? "" : ", ", techniques.Name());
+    }
+    std::string more;
+    for (const Technique technique :
+         {Technique::kSplitting, Technique::kLearnedLights, Technique::kProduct,
+          Technique::kEmissionGuiding, Technique::kMerging}) {
+      const std::string name = TechniqueSet::kCameraAndLight.With(technique).Name();
+      absl::StrAppend(&more, more.empty() ? "" : ", ",
+                      name.substr(TechniqueSet::kCameraAndLight.Name().size()));
+    }
+    return absl::StrCat(
+        "techniques: auto measures small images of the frame before it is rendered, "
+        "and takes the most efficient of ",
+        plain, "; and of these with ", more,
+        " where the scene has use for it. --measure shows the choice and the gains");
   }
 
   static nlohmann::ordered_json MeasurementJson(const render::PlanMeasurement& measurement) {
@@ -197,7 +225,8 @@ class PlanCommand : public Command {
     return json;
   }
 
-  static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings,
+  // is_auto: the frame's techniques are those that a measurement chooses.
+  static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings, bool is_auto,
                         const render::MemoryEstimate& memory,
                         const std::optional<render::PlanMeasurement>& measurement,
                         const std::optional<render::TechniqueMeasurement>& techniques) {
@@ -207,6 +236,7 @@ class PlanCommand : public Command {
                                    {"light_count", plan.light_count},
                                    {"max_depth", plan.max_depth},
                                    {"techniques", settings.techniques.Name()},
+                                   {"techniques_are_measured", is_auto},
                                    {"memory_bytes", memory.TotalBytes()},
                                    {"triangle_count", memory.triangle_count},
                                    {"effects", nlohmann::ordered_json::array()},

@@ -110,7 +110,8 @@ class RenderCommand : public Command {
       ReportError(code, saved);
       if (ended->state() == v1::Job::STATE_SUCCEEDED) return code;
     }
-    return ReportEnd(*ended, /*images_written=*/true, RemedyText(farm, *ended));
+    return ReportEnd(*ended, /*images_written=*/true, RemedyText(farm, *ended),
+                     arguments_.verbose ? Detail::kAll : Detail::kShort);
   }
 
   // The command that renders the missing images of a failed or cancelled job. Finished work on them

@@ -15,12 +15,14 @@
 #include <vector>
 
 #include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/time/time.h"
 #include "cli/commands/farm_command.h"
 #include "cli/duration.h"
+#include "cli/error_text.h"
 #include "cli/image/terminal_image.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/job_json.h"
@@ -54,11 +56,10 @@ void PrintFrame(const v1::Frame& frame) {
   const v1::PixelRect& window = frame.spec().settings().window();
   const double error = frame.progress().relative_mse();
   std::printf(
-      "%-8d %-12s %8llu %6.1f%%  %-10s %-7s %s\n", frame.spec().frame_number(),
+      "%-8d %-12s %8llu %6.1f%%  %-11s %-7s %s\n", frame.spec().frame_number(),
       absl::StrCat(window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px()).c_str(),
       static_cast<unsigned long long>(frame.spec().settings().sample_count()),
-      100 * FractionDone(frame.progress()),
-      error > 0 ? absl::StrFormat("%.2e", error).c_str() : "-",
+      100 * FractionDone(frame.progress()), error > 0 ? FormatPixelError(error).c_str() : "- ",
       frame.flip() > 0 ? absl::StrFormat("%.4f", frame.flip()).c_str() : "-",
       frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
 }
@@ -187,20 +188,23 @@ void PrintFile(const std::string& path, const FrameImage& image, bool json) {
   std::printf("%s  %dx%d, %zu channels, %s\n", path.c_str(), width, height,
               image.channel_names.size(), ImageDigest(image).substr(0, 16).c_str());
   // Errors recorded in the file when it was delivered.
-  for (const auto& [key, name] : {std::pair{"relativeMse", "relMSE"}, std::pair{"flip", "FLIP"}}) {
+  for (const auto& [key, name] : {std::pair{"relativeMse", "error"}, std::pair{"flip", "FLIP"}}) {
     const auto found = image.metadata.find(key);
-    if (found != image.metadata.end()) {
-      std::printf("estimated %-7s %s\n", name, Printable(found->second).c_str());
-    }
+    if (found == image.metadata.end()) continue;
+    double error = 0;
+    const bool is_error = name[0] == 'e' && absl::SimpleAtod(found->second, &error);
+    std::printf("estimated %-7s %s\n", name,
+                is_error ? FormatBothErrors(error).c_str() : Printable(found->second).c_str());
   }
   const auto curve = image.metadata.find(coordinator::kErrorCurveKey);
   if (curve == image.metadata.end()) return;
   const std::vector<coordinator::ErrorPoint> points = coordinator::ParseErrorCurve(curve->second);
   if (points.empty()) return;
-  std::printf("%10s  %-12s %s\n", "samples", "relMSE", "at most (95 %)");
+  std::printf("%10s  %-10s %s\n", "samples", "error", "at most (95 %)");
   for (const coordinator::ErrorPoint& point : points) {
-    std::printf("%10.1f  %-12.3g %.3g\n", point.samples, point.relative_mse,
-                point.relative_mse_upper);
+    // The plus-minus sign has two bytes and one column.
+    std::printf("%10.1f  %-11s %s\n", point.samples, FormatPixelError(point.relative_mse).c_str(),
+                FormatPixelError(point.relative_mse_upper).c_str());
   }
 }
 

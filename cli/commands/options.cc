@@ -115,8 +115,9 @@ FilmSize ParseSize(const std::string& text) {
   if (items.size() == 2 && parse(items[0], &size.width_px) && parse(items[1], &size.height_px)) {
     return size;
   }
-  throw CLI::ValidationError("--size", text + ": expected WIDTHxHEIGHT in pixels, as in 640x480, "
-                                             "or a part of the scene's size, as in 50%");
+  throw CLI::ValidationError("--size", text +
+                                           ": expected WIDTHxHEIGHT in pixels, as in 640x480, "
+                                           "or a part of the scene's size, as in 50%");
 }
 
 // Options that say what a glTF file leaves open.
@@ -168,6 +169,11 @@ void AddDenoiserOption(CLI::App* command, JobArguments* arguments) {
                    "two more words: the EXR to read, and the one to write. Its result becomes the "
                    "layer denoised_external; nothing is replaced (see docs/denoise.md)")
       ->type_name("COMMAND");
+}
+
+void AddVerboseFlag(CLI::App* command, JobArguments* arguments) {
+  command->add_flag("--verbose", arguments->verbose,
+                    "Results also have rates, FLIP and the causes of noise");
 }
 
 constexpr char kTechniquesOption[] = "--techniques";
@@ -339,6 +345,7 @@ void AddImageOptions(CLI::App* command, JobArguments* arguments) {
   AddViewOptions(command, &arguments->view);
   AddFormatOptions(command, &arguments->format);
   AddDenoiserOption(command, arguments);
+  AddVerboseFlag(command, arguments);
 }
 
 void AddResumeOption(CLI::App* command, JobArguments* arguments) {
@@ -421,6 +428,7 @@ void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddViewOptions(command, &arguments->view);
   AddFormatOptions(command, &arguments->format);
   AddDenoiserOption(command, arguments);
+  AddVerboseFlag(command, arguments);
   AddResumeOption(command, arguments);
   AddPartitionOptions(command, arguments);
 }

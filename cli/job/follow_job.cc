@@ -18,7 +18,6 @@
 #include "cli/job/frames/frame_range.h"
 #include "cli/job/job_json.h"
 #include "cli/job/output_files.h"
-#include "cli/job/summary.h"
 #include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/file.h"
@@ -139,7 +138,7 @@ absl::Status WriteImages(FarmClient* client, const v1::Frame& frame, const Image
   const std::string layer =
       delivery.png_layer.empty() ? LeastNoisyLayer(*image) : delivery.png_layer;
   if (!named.png.empty() && layer != "image") absl::StrAppend(&named.png, " (", layer, ")");
-  PrintInfo(absl::StrCat(FormatImageSummary(frame, named),
+  PrintInfo(absl::StrCat(FormatImageSummary(frame, named, delivery.detail),
                          is_black ? "; every pixel is black: no light of the scene reaches the "
                                     "camera (sheaf plan lists the lights)"
                                   : "",
@@ -171,6 +170,7 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
   if (!patterns.ok()) return patterns.status();
   Delivery delivery{{}, std::move(view), arguments.format, "", arguments.denoise_with};
   delivery.png_layer = arguments.png_layer;
+  delivery.detail = arguments.verbose ? Detail::kAll : Detail::kShort;
   if (IsGltfName(arguments.scene)) {
     delivery.black_advice = "; --environment names an image of a glTF scene's surroundings";
   }
@@ -233,7 +233,11 @@ absl::Status ProbeOutputs(const JobArguments& arguments) {
 absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job,
                                       ViewTransform view) {
   if (arguments.output.empty() && arguments.png.empty()) {
-    if (arguments.denoise_with.empty()) return Delivery{{}, std::move(view), {}, ""};
+    if (arguments.denoise_with.empty()) {
+      Delivery none{{}, std::move(view), {}, ""};
+      none.detail = arguments.verbose ? Detail::kAll : Detail::kShort;
+      return none;
+    }
     return absl::InvalidArgumentError(
         "--denoise-with adds a layer to an image that is written: name it, as in -o room.exr");
   }
@@ -338,7 +342,8 @@ std::string MissingImages(const v1::Job& job) {
   return FormatFrameRange(numbers);
 }
 
-ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& remedy) {
+ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& remedy,
+                   Detail detail) {
   const std::string missing = MissingImages(job);
   const std::string rest = missing.empty() || remedy.empty()
                                ? ""
@@ -351,9 +356,9 @@ ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& r
     return ReportError(ExitCode::kFailed, absl::FailedPreconditionError(absl::StrCat(
                                               job.name(), " failed: ", job.failure(), rest)));
   }
-  // For a single image, the line printed when it was written says the same.
+  // For a single image, the lines printed when it was written say the same.
   const bool is_reported = images_written && job.frames_size() == 1;
-  if (!is_reported) PrintInfo(FormatJobSummary(job));
+  if (!is_reported) PrintInfo(FormatJobSummary(job, detail));
   if (!job.warning().empty()) {
     PrintInfo(absl::StrCat("warning: ", job.name(), ": ", Printable(job.warning())));
   }
@@ -382,7 +387,7 @@ ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,
   }
   const std::string remedy =
       delivery.paths.empty() ? "" : RemedyText(*job, MissingImages(*job), fetch);
-  return ReportEnd(*job, !delivery.paths.empty(), remedy);
+  return ReportEnd(*job, !delivery.paths.empty(), remedy, delivery.detail);
 }
 
 }  // namespace sheaf::cli

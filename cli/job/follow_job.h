@@ -13,6 +13,7 @@
 #include "cli/image/view_transform.h"
 #include "cli/job/farm_client.h"
 #include "cli/job/prepared_job.h"
+#include "cli/job/summary.h"
 #include "common/content/blob_store.h"
 
 namespace sheaf::cli {
@@ -35,6 +36,7 @@ struct Delivery {
   std::string denoise_with = {};  // The denoiser's command; empty: none.
   std::string png_layer = {};     // As for ImageOfLayer.
   std::string black_advice = {};  // What to do if an image is black; empty: unknown.
+  Detail detail = Detail::kShort;
 };
 // Checks everything that is known before the scene is read. Errors: those of CheckOutputs.
 absl::Status ProbeOutputs(const JobArguments& arguments);
@@ -98,7 +100,8 @@ std::string MissingImages(const v1::Job& job);
 // missing. images_written: each image has been reported, so a job of one image gets no further
 // line. remedy: the command that renders missing images; empty: they are not mentioned. Returns the
 // matching exit code.
-ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& remedy);
+ExitCode ReportEnd(const v1::Job& job, bool images_written, const std::string& remedy,
+                   Detail detail);
 
 // Runs FollowJob and ReportEnd. If interrupted, it says how to resume.
 ExitCode FollowToTheEnd(FarmClient* client, const std::string& name, bool json,

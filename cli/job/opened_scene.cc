@@ -57,8 +57,18 @@ ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
   if (!settings.ok()) {
     return ReportError(ExitCode::kUsage, Annotate(settings.status(), arguments.scene));
   }
+  if (const std::string note = CropNote(arguments.settings, *settings); !note.empty()) {
+    PrintNote(absl::StrCat(arguments.scene, ": ", note));
+  }
   *opened = {*std::move(file), *settings};
   return ExitCode::kOk;
+}
+
+std::string CropNote(const RenderSettings& settings, const FrameSettings& resolved) {
+  const PixelRect& window = resolved.window;
+  if (!settings.crop || resolved.IsStereo() || window == *settings.crop) return "";
+  return absl::StrCat("--crop reaches beyond the image; rendered are the pixels ", window.x0, ",",
+                      window.y0, ",", window.x1, ",", window.y1);
 }
 
 absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffort> effort,

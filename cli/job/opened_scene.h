@@ -29,6 +29,9 @@ struct SceneFile {
 absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* gltf,
                                         int32_t frame_number = 1);
 
+// A line that says so where the user's crop reaches beyond the image; else empty.
+std::string CropNote(const RenderSettings& settings, const FrameSettings& resolved);
+
 struct OpenedScene {
   SceneFile file;
   FrameSettings settings;

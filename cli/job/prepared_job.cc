@@ -91,6 +91,9 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   }
   absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
+  if (const std::string note = CropNote(settings, *resolved); !note.empty()) {
+    result.diagnostics.push_back(absl::StrCat(path, ": note: ", note));
+  }
   const absl::StatusOr<std::string> techniques =
       ChooseTechniques(effort, read.scene, *file->files, &*resolved);
   if (!techniques.ok()) return techniques.status();

@@ -50,6 +50,7 @@ struct JobArguments {
   ViewArguments view;        // The view that PNGs show.
   ImageFormat format;        // For EXRs.
   std::string denoise_with;  // A command, as for AddExternalLayer; empty: none.
+  bool verbose = false;      // Results have all details.
   std::string title;         // Empty: the scene's file name.
   int32_t priority = 0;
   std::string show;  // Empty: the default one.

@@ -16,11 +16,16 @@
 namespace sheaf::cli {
 namespace {
 
-// flip: 0 if unknown. rendered: as IsRendered; other frames have no sampling rate.
-std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered) {
+// Further lines of a message are indented.
+constexpr char kNextLine[] = "\n  ";
+
+// The wall time and the error; those of Detail::kAll add rates and FLIP. flip: 0 if unknown.
+// rendered: as IsRendered; other frames have no sampling rate.
+std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered, Detail detail) {
   const double wall_seconds = Seconds(progress.wall_duration());
   std::string text = absl::StrFormat("%.1f s", wall_seconds);
-  if (wall_seconds > 0) {
+  const bool says_all = detail == Detail::kAll;
+  if (says_all && wall_seconds > 0) {
     const auto rate = [&](uint64_t count) {
       return FormatCount(static_cast<double>(count) / wall_seconds);
     };
@@ -30,9 +35,11 @@ std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered
   if (progress.relative_mse() > 0) {
     absl::StrAppend(&text, ", error ", FormatBothErrors(progress.relative_mse()));
   }
-  if (flip > 0) absl::StrAppend(&text, absl::StrFormat(", FLIP %.2g", flip));
-  absl::StrAppend(&text, ", ", progress.nonfinite_count(), " non-finite");
-  if (progress.nonfinite_count() > 0) text += " (a defect, please report it)";
+  if (says_all && flip > 0) absl::StrAppend(&text, absl::StrFormat(", FLIP %.2g", flip));
+  if (progress.nonfinite_count() > 0) {
+    absl::StrAppend(&text, ", ", progress.nonfinite_count(),
+                    " samples not finite (a defect, please report it)");
+  }
   return text;
 }
 
@@ -97,9 +104,10 @@ std::string FormatStop(const v1::Frame& frame) {
 }
 
 // The warning concerns the pixels of such tiles; the error of the whole image already includes
-// them.
-std::string FormatReliability(const v1::Frame& frame) {
+// them. It matters where the frame was to stop at an error.
+std::string FormatReliability(const v1::Frame& frame, Detail detail) {
   if (frame.unreliable_tile_count() == 0) return "";
+  if (detail == Detail::kShort && frame.spec().stop().target_error() <= 0) return "";
   std::string text = absl::StrFormat(
       "; %d of %d tiles contain fireflies, so error bars of their pixels may be "
       "too small: more samples help",
@@ -117,8 +125,8 @@ std::string FormatReliability(const v1::Frame& frame) {
 }
 
 // The cost of true error bars in a smooth image, and the alternative.
-std::string FormatOneSequence(const v1::Frame& frame) {
-  if (frame.one_sequence_gain() <= 0) return "";
+std::string FormatOneSequence(const v1::Frame& frame, Detail detail) {
+  if (detail == Detail::kShort || frame.one_sequence_gain() <= 0) return "";
   return absl::StrFormat(
       "; the image is smooth: --one-sequence would reduce its relMSE about %.1fx, but gives no "
       "true error bars (sheaf study measures it)",
@@ -144,21 +152,22 @@ std::string FormatBias(const v1::FrameSettings& settings) {
 
 }  // namespace
 
-std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths) {
+std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths, Detail detail) {
   const v1::FrameSettings& settings = frame.spec().settings();
   const v1::PixelRect& window = settings.window();
-  return absl::StrCat(paths.exr, paths.png.empty() ? "" : " and ", paths.png, ": ",
-                      window.x1_px() - window.x0_px(), "x", window.y1_px() - window.y0_px(), ", ",
-                      FormatSamples(frame), FormatBias(settings), ", ",
-                      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame)),
-                      FormatStop(frame), FormatReliability(frame), FormatOneSequence(frame));
+  return absl::StrCat(
+      "frame ", frame.spec().frame_number(), ": ", window.x1_px() - window.x0_px(), "x",
+      window.y1_px() - window.y0_px(), ", ", FormatSamples(frame), FormatBias(settings), kNextLine,
+      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame), detail), FormatStop(frame),
+      FormatReliability(frame, detail), FormatOneSequence(frame, detail), kNextLine, "written to ",
+      paths.exr, paths.png.empty() ? "" : " and ", paths.png);
 }
 
-std::string FormatJobSummary(const v1::Job& job) {
+std::string FormatJobSummary(const v1::Job& job, Detail detail) {
   return absl::StrCat(
       job.name(), ": ", job.frames_size(), job.frames_size() == 1 ? " frame, " : " frames, ",
       FormatCosts(job.progress(), /*flip=*/0,
-                  std::all_of(job.frames().begin(), job.frames().end(), IsRendered)));
+                  std::all_of(job.frames().begin(), job.frames().end(), IsRendered), detail));
 }
 
 }  // namespace sheaf::cli

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Summaries of finished work: one line per image, one line per job.
+// Summaries of finished work: three lines per image, one line per job.
 #pragma once
 
 #include <string>
@@ -11,11 +11,19 @@
 
 namespace sheaf::cli {
 
-// "out.exr: 640x360, 128 samples, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, relMSE 2.1e-03, 0
-// non-finite": resolution, samples per pixel, wall time, the farm's rates over that time, the
-// estimated error. Unknown items are omitted. A biased image is marked as such.
-std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths);
-// "jobs/7: 3 frames, 12.3 s, 2.4 M samples/s, ...": the same over all frames.
-std::string FormatJobSummary(const v1::Job& job);
+// kAll adds what few users need: rates, FLIP, fireflies, and the gain of one sequence.
+enum class Detail { kShort, kAll };
+
+// Three lines: what was rendered, its cost and accuracy, and where it is.
+//
+//   frame 1: 640x360, 128 samples
+//     12.3 s, error ±4.6 % (relMSE 0.0021)
+//     written to out.exr
+//
+// Unknown items are omitted. A biased image is marked as such. Without a target error, fireflies
+// are named by kAll only.
+std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths, Detail detail);
+// "jobs/7: 3 frames, 12.3 s, error ±4.6 % (relMSE 0.0021)": the same over all frames.
+std::string FormatJobSummary(const v1::Job& job, Detail detail);
 
 }  // namespace sheaf::cli

@@ -19,6 +19,7 @@ v1::Progress Costs() {
 
 v1::Frame DeliveredFrame() {
   v1::Frame frame;
+  frame.mutable_spec()->set_frame_number(7);
   v1::FrameSettings* settings = frame.mutable_spec()->mutable_settings();
   settings->set_sample_count(128);
   settings->mutable_window()->set_x0_px(10);
@@ -28,38 +29,53 @@ v1::Frame DeliveredFrame() {
   return frame;
 }
 
-TEST(SummaryTest, ReportsPathAndCost) {
-  EXPECT_EQ(FormatImageSummary(DeliveredFrame(), {"out.exr", ""}),
-            "out.exr: 640x360, 128 samples, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, "
-            "error ±4.6 % (relMSE 0.0021), 0 non-finite");
-  EXPECT_TRUE(FormatImageSummary(DeliveredFrame(), {"out.exr", "out.png"})
-                  .starts_with("out.exr and out.png: 640x360"));
+TEST(SummaryTest, HasThreeLines) {
+  EXPECT_EQ(FormatImageSummary(DeliveredFrame(), {"out.exr", ""}, Detail::kShort),
+            "frame 7: 640x360, 128 samples\n"
+            "  12.3 s, error ±4.6 % (relMSE 0.0021)\n"
+            "  written to out.exr");
+  EXPECT_TRUE(FormatImageSummary(DeliveredFrame(), {"out.exr", "out.png"}, Detail::kShort)
+                  .ends_with("\n  written to out.exr and out.png"));
+}
+
+TEST(SummaryTest, HasRatesWhereAllDetailsAreAskedFor) {
+  EXPECT_NE(FormatImageSummary(DeliveredFrame(), {"out.exr", ""}, Detail::kAll)
+                .find("\n  12.3 s, 2.4 M samples/s, 6.1 M rays/s, error ±4.6 %"),
+            std::string::npos);
 }
 
 TEST(SummaryTest, ResumedSamplesHaveNoRate) {
   v1::Frame frame = DeliveredFrame();
   frame.mutable_spec()->mutable_resumed_image()->set_size_bytes(7);
-  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}).find("128 samples, 12.3 s, 6.1 M rays/s"),
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}, Detail::kAll)
+                .find("128 samples\n  12.3 s, 6.1 M rays/s"),
             std::string::npos);
   v1::Job job;
   *job.add_frames() = frame;
   *job.mutable_progress() = Costs();
-  EXPECT_EQ(FormatJobSummary(job).find("samples/s"), std::string::npos);
+  EXPECT_EQ(FormatJobSummary(job, Detail::kAll).find("samples/s"), std::string::npos);
 }
 
 TEST(SummaryTest, ReportsFlipBesideTheError) {
   v1::Frame frame = DeliveredFrame();
   frame.set_flip(0.0421);
-  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
-                .find("error ±4.6 % (relMSE 0.0021), FLIP 0.042, 0 non"),
+  const auto text = [&](Detail detail) {
+    return FormatImageSummary(frame, {"out.exr", ""}, detail);
+  };
+  EXPECT_NE(text(Detail::kAll).find("error ±4.6 % (relMSE 0.0021), FLIP 0.042\n"),
             std::string::npos);
+  EXPECT_EQ(text(Detail::kShort).find("FLIP"), std::string::npos);
 }
 
 TEST(SummaryTest, ReportsUnreliableTilesAndTheirCause) {
   v1::Frame frame = DeliveredFrame();
   frame.set_tile_count(64);
   frame.set_unreliable_tile_count(12);
-  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
+  const auto text = [&](Detail detail) {
+    return FormatImageSummary(frame, {"out.exr", ""}, detail);
+  };
+  EXPECT_EQ(text(Detail::kShort).find("fireflies"), std::string::npos);
+  EXPECT_NE(text(Detail::kAll)
                 .find("; 12 of 64 tiles contain fireflies, so error bars of their pixels may be "
                       "too small: more samples help (--light-paths or sheaf study identify the "
                       "light responsible)"),
@@ -69,7 +85,9 @@ TEST(SummaryTest, ReportsUnreliableTilesAndTheirCause) {
     count->set_layer(layer);
     count->set_tile_count(tiles);
   }
-  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
+  // Where the frame was to stop at an error, fireflies decide whether to trust that it did.
+  frame.mutable_spec()->mutable_stop()->set_target_error(0.01);
+  EXPECT_NE(text(Detail::kShort)
                 .find("more samples help; main cause: caustic (9 tiles), then indirect (3 tiles)"),
             std::string::npos);
 }
@@ -77,7 +95,7 @@ TEST(SummaryTest, ReportsUnreliableTilesAndTheirCause) {
 TEST(SummaryTest, ReportsTheGainOfOneSequence) {
   v1::Frame frame = DeliveredFrame();
   frame.set_one_sequence_gain(1.44);
-  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""})
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}, Detail::kAll)
                 .find("; the image is smooth: --one-sequence would reduce its relMSE about 1.4x, "
                       "but gives no true error bars"),
             std::string::npos);
@@ -86,14 +104,14 @@ TEST(SummaryTest, ReportsTheGainOfOneSequence) {
 TEST(SummaryTest, ReportsBias) {
   v1::Frame frame = DeliveredFrame();
   frame.mutable_spec()->mutable_settings()->set_similarity_after_count(8);
-  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""})
-                  .starts_with("out.exr: 640x360, 128 samples, biased: similarity after 8 "
-                               "scatterings, 12.3 s"));
+  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""}, Detail::kShort)
+                  .starts_with("frame 7: 640x360, 128 samples, biased: similarity after 8 "
+                               "scatterings\n  12.3 s"));
   frame.mutable_spec()->mutable_settings()->clear_similarity_after_count();
   frame.mutable_spec()->mutable_settings()->set_max_component_value(10);
-  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""})
-                  .starts_with("out.exr: 640x360, 128 samples, biased: samples clamped to 10, "
-                               "12.3 s"));
+  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""}, Detail::kShort)
+                  .starts_with("frame 7: 640x360, 128 samples, biased: samples clamped to 10\n"
+                               "  12.3 s"));
 }
 
 TEST(SummaryTest, OmitsUnknownValues) {
@@ -101,15 +119,16 @@ TEST(SummaryTest, OmitsUnknownValues) {
   frame.mutable_spec()->mutable_settings()->set_sample_count(1);
   frame.mutable_progress()->clear_wall_duration();
   frame.mutable_progress()->clear_relative_mse();
-  EXPECT_EQ(FormatImageSummary(frame, {"out.exr", ""}),
-            "out.exr: 640x360, 1 sample, 0.0 s, 0 non-finite");
+  EXPECT_EQ(FormatImageSummary(frame, {"out.exr", ""}, Detail::kAll),
+            "frame 7: 640x360, 1 sample\n  0.0 s\n  written to out.exr");
 }
 
 TEST(SummaryTest, ReportsNonFiniteSamplesAsADefect) {
   v1::Frame frame = DeliveredFrame();
   frame.mutable_progress()->set_nonfinite_count(3);
-  EXPECT_TRUE(FormatImageSummary(frame, {"out.exr", ""})
-                  .ends_with(", 3 non-finite (a defect, please report it)"));
+  EXPECT_NE(FormatImageSummary(frame, {"out.exr", ""}, Detail::kShort)
+                .find(", 3 samples not finite (a defect, please report it)\n"),
+            std::string::npos);
 }
 
 TEST(SummaryTest, JobSummarySumsItsFrames) {
@@ -118,9 +137,10 @@ TEST(SummaryTest, JobSummarySumsItsFrames) {
   *job.mutable_progress() = Costs();
   for (int i = 0; i < 3; ++i) job.add_frames();
   EXPECT_EQ(
-      FormatJobSummary(job),
-      "jobs/7: 3 frames, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, error ±4.6 % (relMSE 0.0021), "
-      "0 non-finite");
+      FormatJobSummary(job, Detail::kAll),
+      "jobs/7: 3 frames, 12.3 s, 2.4 M samples/s, 6.1 M rays/s, error ±4.6 % (relMSE 0.0021)");
+  EXPECT_EQ(FormatJobSummary(job, Detail::kShort),
+            "jobs/7: 3 frames, 12.3 s, error ±4.6 % (relMSE 0.0021)");
 }
 
 }  // namespace

@@ -100,13 +100,41 @@ class ClientTest(ClientCase):
             self.assertIn(f"did you mean {guess}?", done.stderr)
             self.assertEqual(done.stderr.count("\n"), 1)
 
+    def test_crops_beyond_the_image_are_noted(self):
+        scene = self.write("crop.pbrt", SCENE)
+        beyond = ("--crop", "0,0,9000,9000", "--samples", "1")
+        for command in (["render", "-o", self.farm.path("crop.exr")], ["plan"]):
+            said = self.expect(run(*command, scene, *beyond), OK)
+            self.assertIn("--crop reaches beyond the image; rendered are the pixels 0,0,",
+                          said.stderr)
+        within = self.expect(run("plan", scene, "--crop", "0,0,2,2"), OK)
+        self.assertNotIn("--crop", within.stderr)
+
+    def test_show_has_one_scale_of_errors(self):
+        scene, image = self.write("scale.pbrt", SCENE), self.farm.path("scale.exr")
+        self.expect(run("render", scene, "--samples", "16", "-o", image), OK)
+        text = self.expect(run("show", image), OK).stdout
+        self.assertRegex(text, r"estimated error +±\S+ % \(relMSE \S+\)\n")
+        self.assertRegex(text, r"samples +error +at most \(95 %\)\n +16\.0 +±\S+ % +±\S+ %")
+
+    def test_plan_says_what_auto_will_measure(self):
+        scene = self.write("auto.pbrt", SCENE)
+        text = self.expect(run("plan", scene, "--techniques", "auto"), OK).stdout
+        for words in ("camera+light+guiding", "+splitting", "+merging", "--measure shows"):
+            self.assertIn(words, text)
+        self.assertNotIn("--measure", self.expect(run("plan", scene), OK).stdout)
+        plan = self.expect(run("plan", scene, "--techniques", "auto", "--json"), OK).stdout
+        self.assertIs(json.loads(plan)["techniques_are_measured"], True)
+
     def test_errors_are_given_in_percent(self):
         """300 % of a pixel are a relMSE of 9."""
         scene, images = self.write("percent.pbrt", SCENE), []
         for target in ("300%", "9"):
             images.append(self.farm.path(f"target {target}.exr"))
             done = self.expect(run("render", scene, "--target-error", target, "-o", images[-1]), OK)
-            self.assertIn("error ±", done.stdout + done.stderr)
+            self.assertRegex(done.stderr, r"sheaf: frame 1: \d+x\d+, .*\n  \d+\.\d s, error ±.*\n"
+                             r"  written to " + re.escape(images[-1]))
+            self.assertNotIn("samples/s", done.stderr)
         self.assertEqual(*map(farm.image_digest, images))
         wrong = self.expect(run("render", scene, "--target-error", "5%%"), USAGE)
         self.assertIn('--target-error: "5%%" is not a number', wrong.stderr)
@@ -178,7 +206,7 @@ class ClientTest(ClientCase):
     def test_frames_of_a_pattern(self):
         os.makedirs(self.farm.path("out"), exist_ok=True)
         done = self.farm.sheaf("submit", TURNTABLE, "--frames", "1-3", *SMALL, "--wait", "--json",
-                               "-o", self.farm.path("out", "t.####.exr"))
+                               "--verbose", "-o", self.farm.path("out", "t.####.exr"))
         job = [json.loads(line) for line in done.stdout.splitlines()][-1]
         self.assertEqual(job["state"], "succeeded")
         self.assertIsNotNone(job["end_time"])
@@ -187,10 +215,10 @@ class ClientTest(ClientCase):
         for number, digest in enumerate(digests, start=1):
             path = self.farm.path("out", f"t.{number:04d}.exr")
             self.assertEqual(farm.image_digest(path), digest)
-            # "t.0001.exr: 80x60, 4 samples, 0.3 s, 60 k samples/s, 200 k rays/s, error ±14 % ..."
-            self.assertRegex(done.stderr, re.escape(path) + r": 80x60, 4 samples, \d+\.\d s, "
+            # "frame 1: 80x60, 4 samples\n  0.3 s, 60 k samples/s, 200 k rays/s, error ±14 % ..."
+            self.assertRegex(done.stderr, rf"frame {number}: 80x60, 4 samples\\n  \d+\.\d s, "
                              r"\S+ \w?\s?samples/s, \S+ \w?\s?rays/s, error ±\S+ % \(relMSE \S+\), "
-                             r"FLIP \S+, 0 non-finite")
+                             r"FLIP \S+\\n  written to " + re.escape(path))
         self.assertRegex(done.stderr, r"\"message\":\"jobs/\d+: 3 frames, \d+\.\d s")
 
         name = job["name"]
