@@ -182,6 +182,14 @@ def _(file):
     file.node(mesh=square(file, indices=(0, 1, 2, 3), mode=6), translation=[1.5, 0, 0])
 
 
+@model("image-with-name.glb")
+def _(file):
+    """As old exporters write it: an image in the file that has a file's name as well."""
+    image = file.texture(png(8, 8, checks))
+    file.json["images"][0]["uri"] = "lava.png"
+    file.node(mesh=sphere(file, {"pbrMetallicRoughness": {"baseColorTexture": {"index": image}}}))
+
+
 @model("points.glb", "points and lines")
 def _(file):
     file.node(mesh=square(file, indices=None, mode=0))

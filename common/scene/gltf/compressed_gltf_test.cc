@@ -360,6 +360,20 @@ TEST(CompressedGltfTest, ReadsMeshoptViewsOfAllModesAndFallbacks) {
   ExpectFilteredGrid(FilteredFile(grid, false, 4).Glb(AccessorsOf(grid, 5125)), grid);
 }
 
+TEST(CompressedGltfTest, ReadsMeshoptByItsLaterName) {
+  const Grid grid(9);
+  const auto renamed = [](const std::string& text) {
+    return absl::StrReplaceAll(text, {{"EXT_meshopt", "KHR_meshopt"}});
+  };
+  ExpectFilteredGrid(renamed(FilteredFile(grid, false, 2).Text(AccessorsOf(grid, 5123))), grid);
+  std::string later = EncodedVertices(grid.positions.data(), 100, 12);
+  later[0] = static_cast<char>(later[0] | 1);
+  MeshoptFile file;
+  for (int v = 0; v < 3; ++v) file.Add(later, "ATTRIBUTES", 100, 12);
+  EXPECT_THAT(ErrorOf(renamed(file.Text(AccessorsOf(grid, 5123)))),
+              HasSubstr("(KHR_meshopt_compression) is of a later version of the codec"));
+}
+
 TEST(CompressedGltfTest, QuaternionsOfMeshoptTurnInstances) {
   const Grid grid(1);
   MeshoptFile file = FilteredFile(grid, false, 2);

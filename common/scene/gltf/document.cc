@@ -101,17 +101,6 @@ absl::StatusOr<std::string> NameBeside(const std::string& main_file, const std::
   return CanonicalFileName(main_file.substr(0, slash + 1) + beside);
 }
 
-// Refused by its name: without it the parser finds buffers and views missing.
-absl::Status CheckCodecs(const std::string& main_file, std::string_view json) {
-  constexpr char kUnread[] = "KHR_meshopt_compression";
-  if (json.find(absl::StrCat("\"", kUnread, "\"")) == std::string_view::npos) {
-    return absl::OkStatus();
-  }
-  return absl::InvalidArgumentError(absl::StrCat(main_file, ": is compressed (", kUnread,
-                                                 "), which Sheaf does not read; export it without "
-                                                 "compression, or with EXT_meshopt_compression"));
-}
-
 void AppendWord(uint32_t word, std::string* bytes) {
   bytes->append(reinterpret_cast<const char*>(&word), sizeof word);
 }
@@ -265,7 +254,6 @@ absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string&
     json = *chunk;
   }
   if (absl::Status status = CheckJson(main_file, json); !status.ok()) return status;
-  if (absl::Status status = CheckCodecs(main_file, json); !status.ok()) return status;
   const std::string parsable = Parsable(*std::move(bytes), json, is_binary);
   auto model = std::make_unique<tinygltf::Model>();
   Access access{main_file, &files, bytes_max, absl::OkStatus()};

@@ -34,6 +34,7 @@ constexpr const char* kKnownExtensions[] = {
     kInstancing,
     kDraco,
     kMeshopt,
+    kMeshoptKhr,
 };
 // Those that have messages of their own where they are used.
 constexpr const char* kNamedElsewhere[] = {"KHR_texture_basisu"};

@@ -16,6 +16,7 @@
 #include "common/base/file.h"
 #include "common/scene/derived_files.h"
 #include "common/scene/file_source.h"
+#include "common/scene/gltf/parsable_json.h"
 #include "common/scene/gltf/surrounding/surrounding.h"
 #include "tests/support/gltf_text.h"
 
@@ -30,6 +31,14 @@ using testing::kMesh;
 using testing::kOneNode;
 using testing::Notes;
 using testing::Read;
+
+TEST(GltfReaderTest, EmbeddedImagesNeedNoName) {
+  const std::string named = R"({"images":[{"mimeType":"image/png","uri":"lava.png"}]})";
+  EXPECT_EQ(gltf::ParsableJson(named), named);
+  EXPECT_EQ(gltf::ParsableJson(
+                R"({"images":[{"bufferView":0,"mimeType":"image/png","uri":"lava.png"}]})"),
+            R"({"images":[{"bufferView":0,"mimeType":"image/png"}]})");
+}
 
 TEST(GltfReaderTest, ReadsATriangle) {
   const auto read = Read(File(kOneNode));
@@ -352,7 +361,7 @@ TEST(GltfReaderTest, RefusesByName) {
       {File(R"("nodes": [{"mesh": 0}], "extensionsUsed": ["ACME_x"],
         "extensionsRequired": ["ACME_x"])"),
        "needs the extension ACME_x"},
-      {File(R"("extensionsUsed": ["KHR_meshopt_compression"])"), "KHR_meshopt_compression"},
+      {R"({"techniques": {"t": {}}})", "a.gltf: is glTF 1.0, Sheaf reads 2.0"},
       {File(kOneNode, kMesh, four), "has 4 elements, more than buffer view 0"},
       {File(R"("materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
         "textures": [{"extensions": {"KHR_texture_basisu": {"source": 0}}}],

@@ -85,6 +85,10 @@ std::optional<Source> SourceOf(const tinygltf::Model& model, const tinygltf::Val
                 TextOf(extension, "filter")};
   if (source.filter.empty()) source.filter = "NONE";
   *problem = WhyImpossible(source);
+  // The low half of the first byte is the codec's version; the library reads the first.
+  if (problem->empty() && source.mode == "ATTRIBUTES" && *size > 0 && (*source.bytes & 15) > 0) {
+    *problem = "is of a later version of the codec than Sheaf reads";
+  }
   if (problem->empty() && *count > kMeshoptExpansionMax * *size / *stride) {
     *problem = absl::StrCat("says that ", *size, " bytes hold ", *count, " elements of ", *stride,
                             " bytes, more than they can");
@@ -122,7 +126,9 @@ bool Decode(const Source& source, std::vector<unsigned char>* out) {
 bool DecodeMeshoptViews(tinygltf::Model* model, Accessors* accessors, Diagnostics* diagnostics) {
   for (size_t v = 0; v < model->bufferViews.size(); ++v) {
     tinygltf::BufferView& view = model->bufferViews[v];
-    const tinygltf::Value* extension = Find(view.extensions, kMeshopt);
+    const char* name = kMeshopt;
+    const tinygltf::Value* extension = Find(view.extensions, name);
+    if (extension == nullptr) extension = Find(view.extensions, name = kMeshoptKhr);
     if (extension == nullptr) continue;
     std::string problem;
     const std::optional<Source> source = SourceOf(*model, extension, &problem);
@@ -130,7 +136,7 @@ bool DecodeMeshoptViews(tinygltf::Model* model, Accessors* accessors, Diagnostic
     tinygltf::Buffer decoded;
     if (source && !Decode(*source, &decoded.data)) problem = "is damaged";
     if (!problem.empty()) {
-      diagnostics->Error(kFile, absl::StrCat("buffer view ", v, " (", kMeshopt, ") ", problem,
+      diagnostics->Error(kFile, absl::StrCat("buffer view ", v, " (", name, ") ", problem,
                                              "; compress the file again, or export it without"));
       return false;
     }

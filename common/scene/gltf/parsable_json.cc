@@ -22,7 +22,11 @@ Json* Array(Json* object, const char* key) {
   return found != nullptr && found->is_array() ? found : nullptr;
 }
 
-Json* MeshoptOf(Json* item) { return Find(Find(item, "extensions"), "EXT_meshopt_compression"); }
+Json* MeshoptOf(Json* item) {
+  Json* extensions = Find(item, "extensions");
+  Json* found = Find(extensions, "EXT_meshopt_compression");
+  return found != nullptr ? found : Find(extensions, "KHR_meshopt_compression");
+}
 
 // Buffers whose bytes are read: those of views without compression, and those that hold what is
 // compressed.
@@ -82,22 +86,40 @@ bool Change(Json* json) {
   return is_changed;
 }
 
+// Old exporters give images within the file a name too.
+bool DropNamesOfEmbedded(Json* json) {
+  Json* images = Array(json, "images");
+  if (images == nullptr) return false;
+  bool is_changed = false;
+  for (Json& image : *images) {
+    if (Find(&image, "bufferView") == nullptr || Find(&image, "uri") == nullptr) continue;
+    image.erase("uri");
+    is_changed = true;
+  }
+  return is_changed;
+}
+
 }  // namespace
 
 std::string ParsableJson(std::string_view text) {
   std::string same(text);
-  if (text.find("\"EXT_meshopt_compression\"") == std::string_view::npos &&
-      text.find("\"KHR_draco_mesh_compression\"") == std::string_view::npos) {
-    return same;
-  }
+  const auto has = [&](std::string_view part) { return text.find(part) != std::string_view::npos; };
+  const bool is_compressed = has("_meshopt_compression\"") || has("\"KHR_draco_mesh_compression\"");
+  const bool has_images = has("\"images\"") && has("\"mimeType\"") && has("\"uri\"");
+  if (!is_compressed && !has_images) return same;
   Json json = Json::parse(text, nullptr, false);
-  return Change(&json) ? json.dump(-1, ' ', false, Json::error_handler_t::replace) : same;
+  bool is_changed = is_compressed && Change(&json);
+  is_changed |= DropNamesOfEmbedded(&json);
+  return is_changed ? json.dump(-1, ' ', false, Json::error_handler_t::replace) : same;
 }
 
 bool IsFirstVersion(std::string_view text) {
   Json json = Json::parse(text, nullptr, false);
-  const Json* meshes = Find(&json, "meshes");
-  return meshes != nullptr && meshes->is_object();
+  for (const char* list : {"meshes", "nodes", "materials", "techniques"}) {
+    const Json* found = Find(&json, list);
+    if (found != nullptr && found->is_object()) return true;
+  }
+  return false;
 }
 
 }  // namespace sheaf::gltf
