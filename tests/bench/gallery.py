@@ -84,12 +84,19 @@ def number(value):
 def page(rows, arguments, folder):
     command = "tests/bench/gallery.py SHEAF" + "".join(" " + shlex.quote(a) for a in arguments)
     lines = ["# Gallery", "",
-             f"Made by `{command}`.",
-             "Images are made smaller for this page; time and error are those of the whole image:",
-             "CPU time of rendering, without the reading of the scene; relMSE as estimated by the",
-             "image's own error bars, and FLIP ([accuracy](accuracy.md)). Few samples show where",
-             "noise is. [scenes/README.md](../scenes/README.md) says what each scene is for.",
+             "Scenes that Sheaf renders, and what they cost. The images have few samples,",
+             "which shows where noise is. [scenes/README.md](../scenes/README.md) says what",
+             "each scene is for.",
              "",
+             "Time and error are those of the whole image; the images of this page are",
+             "smaller. The time is the CPU time of rendering, without the reading of the",
+             "scene. relMSE is the mean of the squared relative error of the pixels, as the",
+             "image's own error bars estimate it: 0.01 is an error of 10 % for a typical",
+             "pixel. FLIP is the visible difference, from 0 to 1 ([accuracy](accuracy.md)).",
+             "Values of relMSE above 1 come from a few pixels that are far too bright;",
+             "[techniques](techniques.md) has other ways to render such scenes.",
+             "",
+             f"Made by `{command}`.", "",
              "| scene | image | pixels | samples a pixel | CPU time | relMSE | FLIP |",
              "|---|---|---|---|---|---|---|"]
     for row in rows:

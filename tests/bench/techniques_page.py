@@ -95,6 +95,16 @@ def efficiency(row, techniques):
 def page(rows, samples, public):
     lines = [
         "# Techniques, scene by scene", "",
+        "A renderer can look for light in several ways: from the camera, from the lights, or "
+        "along directions that it has learned. Each is good at some scenes and bad at others, "
+        "and all give the same image in the end. This page compares four ways in six scenes. "
+        "You need not choose: `--techniques auto` measures them, and the last column says what "
+        "it chooses.", "",
+        "A high efficiency is good: 2 means the same error in half the time of paths from the "
+        "camera (`camera`, which is 1). The relMSE is the mean of the squared relative error of "
+        "the pixels: 0.01 is an error of 10 % for a typical pixel. Values above 1 mean that a "
+        "few pixels are far too bright, because a way finds some light so seldom: the image is "
+        "useless, and another way is needed.", "",
         "Made by `tests/bench/techniques_page.py`. Each image has "
         f"{samples} samples a pixel; relMSE is against a reference of "
         f"{samples * REFERENCE_FACTOR} by all techniques, which has noise of its own. CPU seconds "
