@@ -38,7 +38,9 @@ export class EyesChoice {
   }
 
   private readonly draw = () => {
-    byId('eyes-label').hidden = !isStereo(this.store.frame);
+    const stereo = isStereo(this.store.frame);
+    byId('eyes-label').hidden = !stereo;
+    byId('viewer').dataset.stereo = stereo ? 'yes' : 'no';
   };
 }
 

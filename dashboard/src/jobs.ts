@@ -28,10 +28,11 @@ export class JobsView {
     });
     this.filter.addEventListener('input', () => this.draw());
     this.state.addEventListener('change', () => this.draw());
-    for (const topic of ['jobs', 'selection'] as const) store.listen(topic, this.draw);
+    for (const topic of ['jobs', 'selection', 'view'] as const) store.listen(topic, this.draw);
   }
 
   private readonly draw = () => {
+    if (this.store.view !== 'image') return;
     const all = this.store.jobs.sorted;
     const shown = filterJobs(all, this.state.value, this.filter.value);
     const isFiltered = this.filter.value.trim() !== '' || this.state.value !== '';

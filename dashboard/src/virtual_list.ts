@@ -13,6 +13,23 @@ const OVERSCAN = 6;
 // Rows made in one animation frame, so that the first layout of a long list is several short tasks.
 const ROWS_MADE_MAX = 8;
 
+interface Measured {
+  measure(): void;
+  redraw(): void;
+}
+
+// All lists whose size may have changed are measured before any of them is drawn: a query after a
+// change forces the browser to lay out the whole page, once for each list.
+const lists = new Map<Element, Measured>();
+function measureAll(some: readonly Measured[]) {
+  for (const list of some) list.measure();
+  for (const list of some) list.redraw();
+}
+const observer = new ResizeObserver(
+    (entries) => measureAll(entries.flatMap(({target}) => lists.get(target) ?? [])));
+// A row's height depends on the root font, which depends on the window.
+addEventListener('resize', () => measureAll([...lists.values()]));
+
 export interface TableOptions<Item> {
   head: HTMLElement;
   isChosen: (item: Item) => boolean;
@@ -72,17 +89,16 @@ export class VirtualList<Item> {
       this.scrollTop = root.scrollTop;
       this.draw(true);
     }, {passive: true});
-    new ResizeObserver(() => this.measure()).observe(root);
-    // A row's height depends on the root font, which depends on the window.
-    addEventListener('resize', () => this.measure());
+    lists.set(root, this);
+    observer.observe(root);
     if (this.onSelect) {
       root.addEventListener('keydown', (event) => this.onKey(event));
       root.addEventListener('click', (event) => this.onClick(event));
     }
   }
 
-  // Called only after a possible change: each query forces a layout.
-  private measure() {
+  // Reads and changes nothing in the document. Called only after a possible change of size.
+  measure() {
     const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
     const style = getComputedStyle(this.root);
     const {rowHeightProperty, cellWidthProperty} = this.options;
@@ -94,6 +110,9 @@ export class VirtualList<Item> {
     }
     this.headHeight = this.options.table?.head.offsetHeight ?? 0;
     this.scrollTop = this.root.scrollTop;
+  }
+
+  redraw() {
     this.draw();
   }
 

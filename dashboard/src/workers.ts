@@ -24,11 +24,12 @@ export class WorkersView {
       updateRow: (row, worker) => this.updateRow(row, worker),
       keyOf: (worker) => worker.name,
     });
-    store.listen('workers', this.draw);
+    for (const topic of ['workers', 'view'] as const) store.listen(topic, this.draw);
     setInterval(this.draw, AGE_MS);
   }
 
   private readonly draw = () => {
+    if (this.store.view !== 'image') return;
     const workers = this.store.workers.sorted;
     setText(byId('worker-count'), format.exact(workers.length));
     byId('workers-empty').hidden = workers.length > 0;

@@ -10,6 +10,7 @@ from compare_checks import BESIDE, CHOOSE
 from farm import wait_until
 from viewer_checks import FOCUS, HIDDEN, PIXELS, TEXT, wait_for_new_pixels
 
+ONE_LINE_PX_MAX = 45  # The height of controls that do not wrap.
 CHANGE_SECONDS_MAX = 20
 # Colors are 0 to 255.
 ROUNDING_MAX = 2
@@ -200,6 +201,9 @@ def check_both_eyes(browser, stereo_job, screenshot):
     other = browser.run("return location.hash")
     browser.run("location.hash = arguments[0]", stereo_job)
     wait_until(lambda: browser.run(TEXT, "job-title") == "both eyes", CHANGE_SECONDS_MAX, "its job")
+    browser.set_size(1440, 900)
+    bar = browser.run("return document.querySelector('.viewer-bar').clientHeight")
+    assert bar <= ONE_LINE_PX_MAX, f"the controls of a stereo image take {bar} px"
     # The image of the job before may look the same.
     before = browser.run(PIXELS)
     browser.run(CHOOSE, "eyes", "left")

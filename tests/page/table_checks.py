@@ -112,6 +112,22 @@ def check_jobs_table(browser, screenshot):
     browser.press(ESCAPE)
     browser.run(SET, "table-state-filter", "")
     check_opening(browser)
+    check_actions_on_a_phone(browser)
+
+
+def check_actions_on_a_phone(browser):
+    """Actions take no room until a job is chosen."""
+    shown = "return document.getElementById('table-delete').getClientRects().length > 0"
+    browser.run(CLICK, "table-choose-none")
+    browser.set_size(400, 900)
+    browser.run(SET, "table-state-filter", "failed")
+    wait_until(lambda: browser.run(CELLS, "jobs-table"), CHANGE_SECONDS_MAX, "the failed jobs")
+    assert not browser.run(shown), "an action without a chosen job"
+    browser.run(CLICK_ROW, "jobs-table", 0, False, False)
+    assert browser.run(shown), "no action for a chosen job"
+    browser.run(CLICK, "table-choose-none")
+    browser.run(SET, "table-state-filter", "")
+    browser.set_size(1440, 900)
 
 
 def check_opening(browser):
@@ -183,6 +199,12 @@ def check_history(browser, screenshot):
     assert found[1][5] == found[2][5] == "480", found[:3]
     assert int(found[1][4]) >= 1, found[1]
     screenshot("page-history.png")
+    browser.set_size(400, 900)
+    cut = """
+      const box = document.getElementById("history-box");
+      return box.scrollWidth - box.clientWidth;"""
+    assert browser.run(cut) <= 0, f"the history is cut by {browser.run(cut)} px"
+    browser.set_size(1440, 900)
 
 
 def check_help(browser, screenshot):
