@@ -89,6 +89,8 @@ class PlanCommand : public Command {
     } else {
       std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
       std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
+      const std::string note = render::PageFileNote(memory);
+      if (!note.empty()) std::printf("note: %s\n", note.c_str());
       if (arguments_.settings.measure_techniques && !techniques) {
         std::printf("%s\n", MeasuredLater().c_str());
       }

@@ -9,6 +9,8 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cstring>
+#include <fstream>
 #include <memory>
 #include <random>
 #include <string>
@@ -258,6 +260,32 @@ TEST_F(PageFileTest, AlteredBytesAreFound) {
     ASSERT_TRUE(WriteFileAtomically(page_path_, bytes).ok());
     EXPECT_FALSE(StatusOfReading(page_path_).ok()) << "byte " << at << " of " << bytes.size();
   }
+}
+
+// Pages that were verified once are compared with what they were.
+TEST_F(PageFileTest, PagesAlteredAfterTheirFirstReadingAreFound) {
+  ASSERT_TRUE(Make(NvdbFile({Cloud()}, NvdbCodec::kNone)).ok());
+  const auto image = ReadVolume();
+  const auto pages = std::make_shared<VolumePages>(1);  // Each page is read anew.
+  const auto paged = Read(pages);
+  ASSERT_TRUE(image.ok() && paged.ok());
+  ASSERT_EQ(CompareLookups(*image, *paged, 5, 300), 0);
+  const uint64_t read_once = pages->counts().pages_read;
+  ASSERT_EQ(CompareLookups(*image, *paged, 5, 300), 0);
+  ASSERT_GT(pages->counts().pages_read, read_once + 20);
+  ASSERT_TRUE(pages->status().ok()) << pages->status();
+  const auto whole = ReadWholeFile(page_path_);
+  ASSERT_TRUE(whole.ok());
+  volume::PageTrailer trailer;
+  std::memcpy(&trailer, whole->data() + whole->size() - sizeof(trailer), sizeof(trailer));
+  std::fstream file(page_path_, std::ios::in | std::ios::out | std::ios::binary);
+  for (uint64_t at = 40; at < trailer.index_offset_bytes; at += 256) {
+    file.seekp(static_cast<std::streamoff>(at));
+    file.put(static_cast<char>((*whole)[at] ^ 1));
+  }
+  file.close();
+  CompareLookups(*image, *paged, 5, 300);
+  EXPECT_THAT(std::string(pages->status().message()), HasSubstr("does not match its digest"));
 }
 
 TEST_F(PageFileTest, FilesCutShortAreRefused) {

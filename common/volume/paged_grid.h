@@ -2,10 +2,11 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // PagedGrid: a grid of a page file. Its index is in memory, its leaves are read page by page, and
-// every byte is verified before it is used: the index when the grid is opened, a page whenever it
-// is read.
+// every byte is verified before it is used: the index when the grid is opened, a page by its digest
+// when it is first read, and by a checksum of the same bytes whenever it is read again.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -109,6 +110,8 @@ class PagedGrid : public PageReader {
   std::unordered_map<Index3, float, Index3Hash> root_value_of_;
   std::vector<Index3> roots_;  // Keys of the root's children that have regions, sorted.
   std::unique_ptr<PageSlot[]> slots_;
+  // By page: the checksum of its packed bytes once they were verified; 0: they were not.
+  std::unique_ptr<std::atomic<uint64_t>[]> checksum_of_;
 };
 
 }  // namespace sheaf::volume

@@ -16,6 +16,8 @@ namespace {
 // Sizes in steps, so that the memory of one page fits most others.
 constexpr size_t kBytesStep = size_t{1} << 10;
 constexpr size_t kAlignment = 64;
+// The part of the limit that is left to the gaps between pages of different sizes.
+constexpr uint64_t kGapsShare = 16;
 
 size_t Rounded(size_t bytes) { return (bytes + kBytesStep - 1) / kBytesStep * kBytesStep; }
 
@@ -32,7 +34,7 @@ VolumePages::Shard& VolumePages::ShardOf(const PageSlot* slot) {
 
 uint64_t VolumePages::PageBytesMax() const {
   const uint64_t other = std::min(other_bytes_.load(std::memory_order_relaxed), bytes_max_);
-  return std::max(bytes_max_ / 4, bytes_max_ - other);
+  return std::max(bytes_max_ / 4, bytes_max_ - other) / kGapsShare * (kGapsShare - 1);
 }
 
 bool VolumePages::Evict(Shard* shard, Buffer* buffer, uint32_t* bytes) {

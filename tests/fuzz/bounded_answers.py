@@ -43,6 +43,9 @@ SCENES = {
     "volume": ("a.nvdb", HEAD + WORLD + 'MakeNamedMedium "m" "string type" "nanovdb" '
                '"string filename" "a.nvdb"\nMediumInterface "m" ""\nMaterial "interface"\n'
                'Shape "sphere"\n'),
+    "pages": ("a.pages", HEAD + WORLD + 'MakeNamedMedium "m" "string type" "nanovdb" '
+              '"string filename" "a.pages"\nMediumInterface "m" ""\nMaterial "interface"\n'
+              'Shape "sphere"\n'),
     "vdb": ("a.vdb", HEAD + WORLD + 'Shape "levelset" "string filename" "a.vdb"\n'),
 }
 TEXTURE = (HEAD + WORLD + 'Texture "t" "spectrum" "imagemap" "string filename" "{0}"\n'
@@ -137,13 +140,13 @@ def corpus_files(everything):
 
 
 def generated_files(folder):
-    """The corpora of volume and vdb, which are too large for the repository."""
+    """The corpora of volume, vdb and pages, which are too large for the repository."""
     program = os.path.join(BIN, "volume_seeds")
     if not os.path.exists(program):
         print("volume_seeds is not built: no volumes")
         return
     subprocess.run([program, folder], check=True, stdout=subprocess.DEVNULL)
-    for target in ("volume", "vdb"):
+    for target in ("volume", "vdb", "pages"):
         for name in sorted(os.listdir(os.path.join(folder, target))):
             yield target, os.path.join(folder, target, name)
 

@@ -55,7 +55,7 @@ def programs(build, only):
 
 
 def write_volume_seeds(build):
-    """The corpora of the targets volume and vdb are too large for the repository."""
+    """The corpora of the targets volume, vdb and pages are too large for the repository."""
     folder = os.path.join(build, "corpus")
     subprocess.run([os.path.join(build, "bin", "volume_seeds"), folder], check=True)
 
@@ -122,7 +122,7 @@ def main():
     arguments = parser.parse_args()
     build = os.path.abspath(arguments.build)
     targets = programs(build, arguments.target)
-    if {"volume", "vdb"} & set(targets):
+    if {"volume", "vdb", "pages"} & set(targets):
         write_volume_seeds(build)
     seconds = 60 * arguments.minutes / len(targets)
     with concurrent.futures.ThreadPoolExecutor(arguments.j) as pool:

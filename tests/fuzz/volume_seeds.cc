@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Writes the corpora of the targets volume and vdb, which are too large for the repository, below a
-// folder: small files of NanoVDB and OpenVDB, one for each kind of content and compression.
+// Writes the corpora of the targets volume, vdb and pages, which are too large for the repository,
+// below a folder: small files of NanoVDB and OpenVDB, one for each kind of content and compression,
+// and page files.
 //
 //   volume_seeds FOLDER
 #include <cstdio>
@@ -11,6 +12,7 @@
 #include <string>
 #include <vector>
 
+#include "common/volume/page_maker.h"
 #include "tests/support/volume/volume_writers.h"
 
 namespace {
@@ -63,6 +65,20 @@ void Write(const std::vector<std::string>& seeds, const std::filesystem::path& f
   }
 }
 
+// A page file for each kind of values. False if one cannot be made.
+bool WritePages(const std::filesystem::path& folder) {
+  std::filesystem::create_directories(folder);
+  for (const char* type : {"float", "Fp4", "Fp8", "Fp16", "FpN"}) {
+    const std::filesystem::path volume = folder / "volume";
+    std::ofstream(volume, std::ios::binary)
+        << sheaf::testing::NvdbFile({GridOf(type)}, NvdbCodec::kNone);
+    const auto made = sheaf::MakePageFile("volume", volume.string(), (folder / type).string());
+    std::filesystem::remove(volume);
+    if (!made.ok()) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 int main(int count, char** arguments) {
@@ -73,5 +89,5 @@ int main(int count, char** arguments) {
   const std::filesystem::path folder = arguments[1];
   Write(NvdbSeeds(), folder / "volume");
   Write(VdbSeeds(), folder / "vdb");
-  return 0;
+  return WritePages(folder / "pages") ? 0 : 1;
 }

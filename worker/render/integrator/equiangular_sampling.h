@@ -154,17 +154,20 @@ typename C::Color InScatteringOnLine(const Context<C>& c, const LineOf<C>& line,
     sum *= static_cast<float>(*weight);
     *weight = 1;
     const MediumTable& media = *c.scene.media;
-    for (const uint16_t medium : path.media.set) {
-      if (!media.Gathers(medium)) continue;
+    const auto add = [&](uint16_t medium) {
+      if (!media.Gathers(medium)) return;
       const auto its = media.template CoefficientsAt<Color>(medium, line.o + t * line.d,
                                                             TimeOfMedia<C::kTraits>(path.ray.time),
                                                             path.wavelengths, properties.form);
-      if (its.sigma_s.IsBlack()) continue;
+      if (its.sigma_s.IsBlack()) return;
       const float phase =
           HenyeyGreenstein(media.PhaseAsymmetryOf(medium, properties.form), d, light.wi);
       const double its_weight =
           weight_of(MeanExtinction<C::kChromaticMedia>(its.sigma_t, CarriedOf<C>(line)), phase);
       sum += left * its.sigma_s * phase * static_cast<float>(its_weight);
+    };
+    for (const uint16_t medium : path.media.set) {
+      for (const uint16_t member : media.MembersOf(medium)) add(member);
     }
   }
   return sum;

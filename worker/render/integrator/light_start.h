@@ -119,18 +119,27 @@ typename C::Color EmissionAt([[maybe_unused]] const Context<C>& c, [[maybe_unuse
     if (!path.media.properties.has_emissive_grid) return sum;
     const MediumTable& media = *c.scene.media;
     const auto time = TimeOfMedia<C::kTraits>(path.ray.time);
-    const MediumTable::PartList parts = media.PartsOf(path.media.set);
-    for (uint32_t i = 0; i < parts.size(); ++i) {
-      const MediumEmission* emission = media.MediumEmissionOf(parts[i]);
-      if (emission == nullptr) continue;
-      const HeterogeneousMedium& medium = media.DensityOf(parts[i]);
+    const auto add = [&](MediumTable::PartId part) {
+      const MediumEmission* emission = media.MediumEmissionOf(part);
+      if (emission == nullptr) return;
+      const HeterogeneousMedium& medium = media.DensityOf(part);
       const double density = medium.DensityAt(ToDouble(p), time);
-      if (!(density > 0)) continue;
-      const auto its = media.template CoefficientsOf<Color>(parts[i], path.wavelengths,
-                                                            path.media.properties.form);
+      if (!(density > 0)) return;
+      const auto its =
+          media.template CoefficientsOf<Color>(part, path.wavelengths, path.media.properties.form);
       const Vec3d origin = medium.OriginOf(ToDouble(p), time);
       sum += emission->template At<Color>(origin, path.wavelengths) * its.sigma_a *
              static_cast<float>(density);
+    };
+    const MediumTable::PartList parts = media.PartsOf(path.media.set);
+    for (uint32_t i = 0; i < parts.size(); ++i) {
+      if (!parts.IsMerged(i)) {
+        add(parts[i]);
+        continue;
+      }
+      for (const MergedMedium::Member& member : media.MergedAt(parts[i].medium).members()) {
+        add({member.medium, member.part});
+      }
     }
   }
   return sum;

@@ -167,8 +167,9 @@ TrackedCollision<Color> TrackCollision(Walk* walk, const Density& density, const
   while (internal::NextSegment(walk, &segment, tally)) {
     const double rate = segment.bounds.upper * sigma_max;
     if (!(rate > 0)) continue;
+    const DensityBounds bounds{0, segment.bounds.upper};
+    const double p_min = segment.bounds.lower / internal::RangeOf(bounds);
     for (double t = segment.t0; collisions.Next(rate, segment.t1, &t);) {
-      const double p = internal::FractionOfRange(density(t), {0, segment.bounds.upper}, tally);
       // The probability of a collision is the mean over components, weighted by throughput.
       double carried = 0, colliding = 0;
       for (size_t c = 0; c < kComponents; ++c) {
@@ -176,7 +177,11 @@ TrackedCollision<Color> TrackCollision(Walk* walk, const Density& density, const
         colliding += throughput[c] * weight[c] * relative[c];
       }
       const double mean = carried > 0 ? std::min(colliding / carried, 1.0) : 1.0;
-      if (stream->Uniform() < p * mean) {
+      const double u = stream->Uniform();
+      // Where the least density would collide, it is not looked up.
+      double p = 1;
+      if (!(u < p_min * mean)) p = internal::FractionOfRange(density(t), bounds, tally);
+      if (u < p * mean) {
         for (size_t c = 0; c < kComponents; ++c) weight[c] *= relative[c] / mean;
         sample.collides = true;
         sample.t = t;

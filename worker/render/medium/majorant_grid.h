@@ -103,6 +103,17 @@ class MajorantGrid {
   uint64_t memory_bytes() const;
   uint64_t cell_count() const { return 64 * (nodes_.size() + bricks_.size()); }
 
+  // A cell that is not divided: its number, below cell_count(), and its voxels.
+  struct Cell {
+    uint32_t id = 0;
+    Index3 lo{};
+    int32_t size = 0;
+    DensityBounds bounds;
+  };
+  // The cell of the point, or of the nearest voxel of the box. Requires: the grid is not empty.
+  Cell CellAt(Vec3d p) const;
+  std::vector<Cell> Cells() const;
+
  private:
   friend class MajorantWalk;
   friend class MajorantBuilder;
@@ -115,6 +126,7 @@ class MajorantGrid {
   using Node = std::array<Child, 64>;
   using Brick = std::array<DensityBounds, 64>;
 
+  void AddCells(uint32_t node, Index3 origin, int32_t shift, std::vector<Cell>* cells) const;
   // Adds the bounds between voxels lo and hi, both included, of a node whose children have 2^shift
   // voxels a side.
   void Include(const Node& node, Index3 origin, int32_t shift, Index3 lo, Index3 hi,

@@ -318,5 +318,39 @@ TEST(CloudDensityTest, NoiseIsBoundedAndBoundsHold) {
   }
 }
 
+// Cells that are not divided fill the tree without overlapping, and a point's cell is that in which
+// a walk meets it.
+TEST(MajorantGridTest, CellsHaveNumbers) {
+  const VolumeGrid volume = SparseGrid({70, 40, 33}, {20, 3, 9}, 24);
+  const MajorantGrid grid =
+      MajorantGrid::Build(GridDensitySource(volume), {.extinction_per_voxel = 0.5});
+  const std::vector<MajorantGrid::Cell> cells = grid.Cells();
+  ASSERT_GT(cells.size(), 500u);
+  std::vector<bool> is_used(grid.cell_count(), false);
+  for (const MajorantGrid::Cell& cell : cells) {
+    ASSERT_LT(cell.id, grid.cell_count());
+    ASSERT_FALSE(is_used[cell.id]);
+    is_used[cell.id] = true;
+  }
+  EventStream random({9, 0, 0, 0});
+  for (int i = 0; i < 200; ++i) {
+    const Vec3d o{random.Uniform() * 70, random.Uniform() * 40, random.Uniform() * 33};
+    const Vec3d d{random.Uniform() - 0.5, random.Uniform() - 0.5, random.Uniform() - 0.5};
+    for (const MajorantSegment& segment : Walk(grid, {o, d, 0, 20})) {
+      const Vec3d p = o + 0.5 * (segment.t0 + segment.t1) * d;
+      bool is_inside = true;
+      for (size_t a = 0; a < 3; ++a) {
+        is_inside &= p[a] > grid.box().lo[a] && p[a] < grid.box().hi[a];
+      }
+      if (!is_inside || segment.t1 - segment.t0 < 1e-9) continue;
+      const MajorantGrid::Cell cell = grid.CellAt(p);
+      ASSERT_TRUE(is_used[cell.id]);
+      ASSERT_EQ(cell.bounds, segment.bounds);
+      for (size_t a = 0; a < 3; ++a)
+        ASSERT_TRUE(p[a] >= cell.lo[a] && p[a] <= cell.lo[a] + cell.size);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace sheaf::render

@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// MajorantWalk: traversal of the cells of a MajorantGrid by a ray.
+// MajorantWalk: traversal of the cells of a MajorantGrid by a ray; and the numbers of the cells.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -141,6 +141,62 @@ DensityBounds MajorantWalk::FindCell(Index3* lo, int32_t* size) const {
     }
     node = &grid_.nodes_[c.link - 1];
   }
+}
+
+MajorantGrid::Cell MajorantGrid::CellAt(Vec3d p) const {
+  Index3 voxel, local;
+  for (size_t a = 0; a < 3; ++a) {
+    const double low = cell_min_[a], high = cell_max_[a];
+    voxel[a] = static_cast<int32_t>(std::min(std::max(std::floor(p[a]), low), high));
+    local[a] = voxel[a] - origin_[a];
+  }
+  uint32_t node = 0;
+  for (int32_t shift = 3 + 2 * (levels_ - 1);; shift -= 2) {
+    uint32_t n = 0;
+    for (const int32_t x : local) n = (n << 2) | static_cast<uint32_t>((x >> shift) & 3);
+    const Child& child = nodes_[node][n];
+    if (child.link == 0 || shift == 3) {
+      const int32_t size = child.link == 0 ? 1 << shift : 2;
+      Cell cell{64 * node + n, {}, size, child.bounds};
+      if (child.link != 0) {
+        n = 0;
+        for (const int32_t x : local) n = (n << 2) | static_cast<uint32_t>((x >> 1) & 3);
+        cell.id = static_cast<uint32_t>(64 * (nodes_.size() + child.link - 1) + n);
+        cell.bounds = bricks_[child.link - 1][n];
+      }
+      for (size_t a = 0; a < 3; ++a) cell.lo[a] = voxel[a] - (local[a] & (size - 1));
+      return cell;
+    }
+    node = child.link - 1;
+  }
+}
+
+void MajorantGrid::AddCells(uint32_t node, Index3 origin, int32_t shift,
+                            std::vector<Cell>* cells) const {
+  const auto corner = [](Index3 from, uint32_t n, int32_t log2) {
+    const auto step = [log2](uint32_t k) { return static_cast<int32_t>((k & 3) << log2); };
+    return Index3{from[0] + step(n >> 4), from[1] + step(n >> 2), from[2] + step(n)};
+  };
+  for (uint32_t n = 0; n < 64; ++n) {
+    const Child& child = nodes_[node][n];
+    const Index3 lo = corner(origin, n, shift);
+    if (child.link == 0) {
+      cells->push_back({64 * node + n, lo, 1 << shift, child.bounds});
+    } else if (shift > 3) {
+      AddCells(child.link - 1, lo, shift - 2, cells);
+    } else {
+      const auto first = static_cast<uint32_t>(64 * (nodes_.size() + child.link - 1));
+      for (uint32_t k = 0; k < 64; ++k) {
+        cells->push_back({first + k, corner(lo, k, 1), 2, bricks_[child.link - 1][k]});
+      }
+    }
+  }
+}
+
+std::vector<MajorantGrid::Cell> MajorantGrid::Cells() const {
+  std::vector<Cell> cells;
+  if (!nodes_.empty()) AddCells(0, origin_, 3 + 2 * (levels_ - 1), &cells);
+  return cells;
 }
 
 }  // namespace sheaf::render

@@ -8,12 +8,15 @@
 #include <optional>
 #include <string>
 #include <tuple>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/vector_bytes.h"
 #include "common/scene/half_space.h"
 #include "common/scene/pbrt/statements/subsurface_reflectance.h"
+#include "worker/render/geometry/bounds.h"
+#include "worker/render/geometry/deforming_mesh.h"
 #include "worker/render/geometry/leak_guard.h"
 #include "worker/render/medium/grid_files.h"
 
@@ -117,6 +120,69 @@ bool MayPay(const HeterogeneousMedium& medium, double extinction, const LightTab
   return false;
 }
 
+// Bodies of one medium that have boxes of their own; more share one. Every line is intersected with
+// each.
+constexpr size_t kBodiesMax = 64;
+
+void AddBox(const Bounds& box, const Affine& transform, Bounds* bounds) {
+  const Vec3d lower = box.lower(), upper = box.upper();
+  for (int corner = 0; corner < 8; ++corner) {
+    bounds->Add(transform.Point({corner & 1 ? upper.x : lower.x, corner & 2 ? upper.y : lower.y,
+                                 corner & 4 ? upper.z : lower.z}));
+  }
+}
+
+bool MayBound(const Surface& surface, int32_t medium) {
+  return surface.media.Separates() &&
+         (surface.media.inside == medium || surface.media.outside == medium);
+}
+
+// The boxes, in the group's space, of its surfaces that bound the medium.
+std::vector<Bounds> BoxesIn(const GeometryGroup& group, int32_t medium) {
+  std::vector<Bounds> boxes;
+  for (const BakedMesh& mesh : group.meshes) {
+    if (!MayBound(mesh.surface, medium)) continue;
+    Bounds& box = boxes.emplace_back();
+    for (size_t step = 0; step <= mesh.steps.size(); ++step) {
+      const std::vector<Vec3f>& positions = PositionsOfStep(mesh, step);
+      for (const uint32_t i : mesh.indices) box.Add(ToDouble(positions[i]));
+    }
+  }
+  for (const BakedQuadric& quadric : group.quadrics) {
+    if (!MayBound(quadric.surface, medium)) continue;
+    Bounds& box = boxes.emplace_back();
+    for (const Vec3f& corner : QuadricBounds(quadric.quadric)) box.Add(ToDouble(corner));
+  }
+  return boxes;
+}
+
+// Boxes of render space, over the whole shutter interval, that together contain a medium which only
+// closed surfaces bound.
+std::vector<Bounds> BodiesOf(const SceneGeometry& geometry, int32_t medium) {
+  std::vector<Bounds> bodies = BoxesIn(geometry.groups[0], medium);
+  for (const PlacedGroup& placed : geometry.still) {
+    for (const Bounds& box : BoxesIn(geometry.groups[placed.group], medium)) {
+      AddBox(box, placed.render_from_group, &bodies.emplace_back());
+    }
+  }
+  for (const PlacedGroup& placed : geometry.moving) {
+    if (BoxesIn(geometry.groups[placed.group], medium).empty()) continue;
+    Bounds& body = bodies.emplace_back();
+    for (uint32_t step = 0; step < kMotionStepCount; ++step) {
+      const PlacedBounds box = BoundsOfMoving(geometry, placed, step);
+      body.Add(ToDouble(box.lower));
+      body.Add(ToDouble(box.upper));
+    }
+  }
+  if (bodies.size() <= kBodiesMax) return bodies;
+  Bounds all;
+  for (const Bounds& body : bodies) {
+    all.Add(body.lower());
+    all.Add(body.upper());
+  }
+  return {all};
+}
+
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescription& scene,
@@ -150,15 +216,14 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
       auto medium_emission = MakeEmission(where, description, placement, grid_files, options);
       if (!medium_emission.ok()) return medium_emission.status();
       medium.medium_emission = *std::move(medium_emission);
+      medium.is_heterogeneous = true;
+      medium.has_emissive_grid = medium.medium_emission != nullptr;
     }
     medium.scale = description.scale;
     medium.sigma_a = description.sigma_a.rgb * description.scale;
     medium.sigma_s = description.sigma_s.rgb * description.scale;
     const float g = description.g;
-    medium.scattering[static_cast<size_t>(MediumForm::kTrue)] = {1, g};
-    // Backward scattering would become denser, so it stays as it is.
-    medium.scattering[static_cast<size_t>(MediumForm::kReduced)] = {1 - std::max(g, 0.0f),
-                                                                    std::min(g, 0.0f)};
+    medium.SetForms(g);
     medium.emits =
         description.IsHomogeneous() && description.emits && description.radiance_scale > 0;
     medium.is_subsurface = description.is_subsurface;
@@ -194,6 +259,7 @@ absl::StatusOr<std::unique_ptr<MediumTable>> MediumTable::Build(const SceneDescr
   table->index_of_.resize(media.size());
   for (const size_t i : order) {
     table->index_of_[i] = static_cast<uint16_t>(table->media_.size());
+    media[i].members = {table->index_of_[i]};
     table->media_.push_back(std::move(media[i]));
   }
   table->emissive_volumes_ = EmissiveVolumeSampler(table->EmissiveDensities());
@@ -229,6 +295,7 @@ uint64_t MediumTable::memory_bytes() const {
   for (const Medium& medium : media_) {
     for (const Part& part : medium.parts) bytes += part.density.memory_bytes();
     if (medium.medium_emission != nullptr) bytes += medium.medium_emission->memory_bytes();
+    if (medium.merged) bytes += medium.merged->memory_bytes();
   }
   return bytes;
 }
@@ -252,13 +319,18 @@ void MediumTable::ChooseEquiangular(const LightTable& lights, EquiangularMode mo
                        return MayPay(part.density, medium.extinction, lights);
                      });
   }
+  for (Medium& medium : media_) {
+    if (!medium.merged) continue;
+    medium.gathers = std::any_of(medium.members.begin(), medium.members.end(),
+                                 [this](uint16_t member) { return Gathers(member); });
+  }
 }
 
 MediumTable::EquiangularSpan MediumTable::EquiangularSpanOf(const MediumSet& media, Vec3d o,
                                                             Vec3d d, double length) const {
   EquiangularSpan hull;
-  for (const uint16_t medium : media) {
-    if (!Gathers(medium)) continue;
+  const auto add = [&](uint16_t medium) {
+    if (!Gathers(medium)) return;
     hull.extinction += media_[medium].extinction;
     for (const Part& part : media_[medium].parts) {
       double begin = 0, end = length;
@@ -267,8 +339,39 @@ MediumTable::EquiangularSpan MediumTable::EquiangularSpanOf(const MediumSet& med
       hull.begin = is_first ? begin : std::min(hull.begin, begin);
       hull.end = is_first ? end : std::max(hull.end, end);
     }
+  };
+  for (const uint16_t medium : media) {
+    for (const uint16_t member : MembersOf(medium)) add(member);
   }
   return hull;
+}
+
+std::vector<EmissiveDensity> MediumTable::EmissiveDensities() const {
+  std::vector<EmissiveDensity> sources;
+  for (uint16_t medium = 0; medium < media_.size(); ++medium) {
+    for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
+      const MediumEmission* medium_emission = MediumEmissionOf({medium, part});
+      if (medium_emission == nullptr) continue;
+      sources.push_back(
+          {&DensityOf({medium, part}), medium_emission,
+           CoefficientsOf<Rgb>({medium, part}, NoWavelengths{}, MediumForm::kTrue).sigma_a});
+    }
+  }
+  return sources;
+}
+
+EmissionPoints MediumTable::MakeEmissionPoints(const SceneGeometry& geometry) const {
+  std::vector<EmissionPoints::Body> bodies;
+  for (size_t i = 0; i < index_of_.size(); ++i) {
+    const Medium& medium = media_[index_of_[i]];
+    if (!medium.emits || !medium.IsBody()) continue;
+    const auto emission = static_cast<double>(Luminance(medium.radiance * medium.sigma_a));
+    const auto extinction = static_cast<double>(Luminance(medium.sigma_a + medium.sigma_s));
+    for (const Bounds& body : BodiesOf(geometry, static_cast<int32_t>(i))) {
+      if (!body.empty()) bodies.push_back({body.lower(), body.upper(), emission, extinction});
+    }
+  }
+  return EmissionPoints(EmissiveDensities(), bodies);
 }
 
 }  // namespace sheaf::render

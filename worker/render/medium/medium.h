@@ -5,10 +5,12 @@
 // scattering and emission per scene unit, and whether they are bounded in all directions.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -16,6 +18,7 @@
 #include "common/scene/scene_description.h"
 #include "common/volume/volume_pages.h"
 #include "worker/render/color/spectral_color.h"
+#include "worker/render/geometry/bounds.h"
 #include "worker/render/geometry/scene_geometry.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/medium/color_parts.h"
@@ -27,6 +30,7 @@
 #include "worker/render/medium/medium_emission.h"
 #include "worker/render/medium/medium_set.h"
 #include "worker/render/medium/medium_velocities.h"
+#include "worker/render/medium/merged_medium.h"
 #include "worker/render/medium/phase_function.h"
 
 namespace sheaf::render {
@@ -75,10 +79,14 @@ class MediumTable {
   struct PartId {
     uint16_t medium, part;
   };
+  // PartId::part of all parts of a merged medium together.
+  static constexpr uint16_t kMergedPart = 0xffff;
   class PartList {
    public:
     uint32_t size() const { return size_; }
     PartId operator[](uint32_t i) const { return parts_[i]; }
+    // Whether the i-th is a merged medium, which has its parts from MergedAt.
+    bool IsMerged(uint32_t i) const { return parts_[i].part == kMergedPart; }
 
    private:
     friend class MediumTable;
@@ -93,6 +101,7 @@ class MediumTable {
       for (uint16_t part = 0; part < media_[medium].parts.size(); ++part) {
         list.parts_[list.size_++] = {medium, part};
       }
+      if (media_[medium].merged) list.parts_[list.size_++] = {medium, kMergedPart};
     }
     return list;
   }
@@ -104,7 +113,7 @@ class MediumTable {
   }
   // All heterogeneous media that emit.
   const EmissiveVolumeSampler& emissive_volumes() const { return emissive_volumes_; }
-  // The points of all emissive media at which light paths may begin: medium_emitters.cc.
+  // The points of all emissive media at which light paths may begin.
   EmissionPoints MakeEmissionPoints(const SceneGeometry& geometry) const;
   // Whether light paths begin where the media are these: none of them emits without bounds. The
   // points of MakeEmissionPoints do not contain such a medium, so paths from the camera find all
@@ -123,6 +132,18 @@ class MediumTable {
   template <typename Color>
   Coefficients<Color> CoefficientsOf(PartId id, const WavelengthsOf<Color>& wavelengths,
                                      MediumForm form) const;
+
+  // --- Media that overlap: medium_merging.cc. Puts one medium in the place of heterogeneous ones
+  // whose boxes overlap, and one boundary in the place of theirs, where neither changes what is at
+  // any point. camera_origins: where the camera's rays begin, in render space. Call once, before
+  // ChooseEquiangular and before rays are traced.
+  void MergeOverlapping(const SceneDescription& scene, const Bounds& camera_origins,
+                        int thread_count, SceneGeometry* geometry);
+  const MergedMedium& MergedAt(uint16_t medium) const { return *media_[medium].merged; }
+  // The media that act where a path is in this one: itself, or those that it merges.
+  std::span<const uint16_t> MembersOf(uint16_t medium) const { return media_[medium].members; }
+  size_t merged_count() const;
+
   // At a point of render space. time: as for HeterogeneousMedium.
   template <typename Color, typename Time>
   Coefficients<Color> CoefficientsAt(uint16_t medium, Vec3d p, Time time,
@@ -162,6 +183,12 @@ class MediumTable {
   };
   struct Medium {
     const Scattering& In(MediumForm form) const { return scattering[static_cast<size_t>(form)]; }
+    // Sets the forms. Backward scattering would become denser, so it stays as it is.
+    void SetForms(float g) {
+      scattering[static_cast<size_t>(MediumForm::kTrue)] = {1, g};
+      scattering[static_cast<size_t>(MediumForm::kReduced)] = {1 - std::max(g, 0.0f),
+                                                               std::min(g, 0.0f)};
+    }
     // Closed surfaces alone bound it.
     bool IsBody() const { return is_bounded && !is_subsurface; }
 
@@ -176,6 +203,10 @@ class MediumTable {
     bool gathers = false;                                   // As in MediumProperties.
     double extinction = 0;                          // If it gathers: the mean over its boxes.
     bool is_subsurface = false, is_hidden = false;  // As in MediumProperties.
+    bool is_heterogeneous = false;
+    bool has_emissive_grid = false;
+    std::unique_ptr<const MergedMedium> merged;  // In the place of parts, if it merges media.
+    std::vector<uint16_t> members;               // As MembersOf returns them.
   };
   // The motion of a medium while the shutter is open, if any.
   struct Movement {
@@ -194,6 +225,12 @@ class MediumTable {
   // For subsurface media given by their reflectance: converts each wavelength.
   static void SetSpectra(const SubsurfaceReflectance& reflectance, float g, Medium* medium);
   std::vector<EmissiveDensity> EmissiveDensities() const;
+  struct MergeInput;  // A medium that can be merged: medium_merging.cc.
+  std::vector<MergeInput> MergeInputs(const SceneDescription& scene,
+                                      const SceneGeometry& geometry) const;
+  // False, without effect, where the camera forbids it.
+  bool Merge(std::span<const MergeInput> inputs, int32_t camera_medium,
+             const Bounds& camera_origins, int thread_count, SceneGeometry* geometry);
   template <typename Color>
   static Color Evaluate(Rgb rgb, const SpectralColor& spectrum, float scale,
                         const WavelengthsOf<Color>& wavelengths) {
@@ -228,10 +265,9 @@ MediumProperties<Color> MediumTable::PropertiesOf(const MediumSet& media,
     properties.is_bounded = properties.is_bounded || medium.is_bounded;
     properties.is_subsurface = properties.is_subsurface || medium.is_subsurface;
     properties.is_hidden = properties.is_hidden || medium.is_hidden;
-    if (!medium.parts.empty()) {
+    if (medium.is_heterogeneous) {
       properties.is_heterogeneous = true;
-      properties.has_emissive_grid =
-          properties.has_emissive_grid || medium.medium_emission != nullptr;
+      properties.has_emissive_grid = properties.has_emissive_grid || medium.has_emissive_grid;
       properties.gathers = properties.gathers || medium.gathers;
       continue;
     }
@@ -279,7 +315,7 @@ PhaseMixture<Color> MediumTable::PhaseOf(const MediumSet& media,
   const Color chosen_by = internal::ComponentProbabilities(throughput);
   for (const uint16_t index : media) {
     const Medium& medium = media_[index];
-    if (!medium.parts.empty()) continue;
+    if (medium.is_heterogeneous) continue;
     const auto [kept, g] = medium.In(properties.form);
     Color s =
         Evaluate<Color>(medium.sigma_s, medium.sigma_s_spectrum, medium.scale, wavelengths) * kept;

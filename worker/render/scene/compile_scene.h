@@ -30,6 +30,7 @@ struct CompileLimits {
 // with each other.
 struct CompileTechniques {
   bool choose_lights_evenly = false;  // Instead of by their contribution to a point.
+  bool merge_media = true;            // MediumTable::MergeOverlapping.
   bool bound_media_once = false;      // A single bound per medium instead of local ones.
   EquiangularMode equiangular_mode = EquiangularMode::kWhereEfficient;
   // Roulette may end paths on surfaces after more than this number of scattering events.

@@ -29,6 +29,30 @@ void WantParameters(SceneGeometry* geometry) {
   }
 }
 
+// A box of render space about the places where rays of the camera, or of both eyes, begin: at the
+// corners of the image, over the lens, at several times.
+Bounds CameraOrigins(const CompiledScene& scene) {
+  constexpr int kTimes = 17;
+  Bounds origins;
+  const auto add = [&](const Camera& camera, int32_t width_px) {
+    for (int n = 0; n < 4 * 9; ++n) {
+      const Vec2d film{(n & 1) != 0 ? width_px : 0.0,
+                       (n & 2) != 0 ? static_cast<double>(scene.settings.height_px) : 0.0};
+      const Vec2f lens{0.5f * static_cast<float>(n / 4 % 3), 0.5f * static_cast<float>(n / 12)};
+      for (int time = 0; time < kTimes; ++time) {
+        const float fraction = static_cast<float>(time) / (kTimes - 1);
+        origins.Add(ToDouble(camera.MakeRay<kAllTraits>(film, lens, fraction).o));
+      }
+    }
+  };
+  if (scene.eyes) {
+    for (const Camera& eye : scene.eyes->cameras) add(eye, scene.eyes->width_px);
+  } else {
+    add(scene.camera, scene.settings.width_px);
+  }
+  return origins;
+}
+
 // Builds the table of media, and finds the light group of their emission.
 absl::Status BuildMedia(FileSource& files, CompileInput* input, CompiledScene* scene) {
   absl::StatusOr<std::unique_ptr<MediumTable>> media =
@@ -37,6 +61,10 @@ absl::Status BuildMedia(FileSource& files, CompileInput* input, CompiledScene* s
                           input->techniques.bound_media_once, input->volume_memory_bytes_max});
   if (!media.ok()) return media.status();
   if (absl::Status pages = (*media)->PageStatus(); !pages.ok()) return pages;
+  if (input->techniques.merge_media && !input->techniques.bound_media_once) {
+    (*media)->MergeOverlapping(scene->description, CameraOrigins(*scene), input->threads,
+                               &scene->geometry);
+  }
   (*media)->ChooseEquiangular(*scene->lights, input->techniques.equiangular_mode);
   scene->media = *std::move(media);
   scene->majorant_factor = input->techniques.majorant_factor;

@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/memory_room.h"
 #include "common/volume/page_maker.h"
+#include "common/volume/volume_pages.h"
 
 namespace sheaf::render {
 namespace {
@@ -42,6 +43,14 @@ uint64_t VolumeBytes(const MediumDescription& medium, FileSource& files) {
   std::error_code error;
   const uint64_t size = path.ok() ? std::filesystem::file_size(*path, error) : 0;
   return error ? 0 : size * kVolumeFileFactor;
+}
+
+// Whether no file of the medium can be made a page file: it is one, or the grids are in the scene.
+bool IsPaged(const MediumDescription& medium, FileSource& files) {
+  const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
+  if (volume == nullptr) return true;
+  const absl::StatusOr<std::string> path = files.LocalPath(volume->file);
+  return path.ok() && PageIndexBytes(*path).has_value();
 }
 
 // Each shape that moves within an object is placed on its own by each of the object's instances.
@@ -84,7 +93,9 @@ MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files) 
   estimate.instance_count = scene.instances.size();
   estimate.surface_bytes += PlacementsOf(scene) * kInstanceBytes;
   for (const MediumDescription& medium : scene.media) {
-    estimate.volume_bytes += VolumeBytes(medium, files);
+    const uint64_t bytes = VolumeBytes(medium, files);
+    estimate.volume_bytes += bytes;
+    if (!IsPaged(medium, files)) estimate.unpaged_bytes += bytes;
   }
   return estimate;
 }
@@ -101,6 +112,14 @@ std::string FormatMemoryEstimate(const MemoryEstimate& estimate) {
     absl::StrAppend(&text, ", volumes ", FormatMemory(estimate.volume_bytes));
   }
   return text;
+}
+
+std::string PageFileNote(const MemoryEstimate& estimate) {
+  if (estimate.unpaged_bytes <= volume::VolumePages::kBytesMaxDefault) return "";
+  return absl::StrCat("files of volumes take ", FormatMemory(estimate.unpaged_bytes),
+                      " of these: sheaf pack makes page files of them, which take ",
+                      FormatMemory(volume::VolumePages::kBytesMaxDefault),
+                      " (--volume-memory-max)");
 }
 
 }  // namespace sheaf::render

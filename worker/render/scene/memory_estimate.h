@@ -19,6 +19,7 @@ struct MemoryEstimate {
   uint64_t instance_count = 0;
   uint64_t surface_bytes = 0;  // For these, during the build of the acceleration structure.
   uint64_t volume_bytes = 0;   // Grids, in the scene or in files.
+  uint64_t unpaged_bytes = 0;  // Its files that sheaf pack can make page files of.
   // The shape that needs the most memory, and the amount.
   SourceLocation largest;
   uint64_t largest_bytes = 0;
@@ -32,5 +33,7 @@ MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files);
 
 // "1.2 GiB while it is loaded: 4194304 triangles, 3 instances 1.1 GiB, volumes 90 MiB".
 std::string FormatMemoryEstimate(const MemoryEstimate& estimate);
+// A line about page files where they save much memory; else empty.
+std::string PageFileNote(const MemoryEstimate& estimate);
 
 }  // namespace sheaf::render

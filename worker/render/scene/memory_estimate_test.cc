@@ -56,5 +56,13 @@ TEST(MemoryEstimateTest, CountsVolumes) {
   EXPECT_EQ(EstimateMemory(scene, files).volume_bytes, 0u);
 }
 
+TEST(MemoryEstimateTest, LargeFilesOfVolumesCouldBePaged) {
+  MemoryEstimate estimate;
+  estimate.volume_bytes = estimate.unpaged_bytes = uint64_t{3} << 30;
+  EXPECT_THAT(PageFileNote(estimate), HasSubstr("3 GiB of these: sheaf pack"));
+  estimate.unpaged_bytes = uint64_t{1} << 20;
+  EXPECT_EQ(PageFileNote(estimate), "");
+}
+
 }  // namespace
 }  // namespace sheaf::render
