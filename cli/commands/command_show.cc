@@ -188,13 +188,13 @@ void PrintFile(const std::string& path, const FrameImage& image, bool json) {
   std::printf("%s  %dx%d, %zu channels, %s\n", path.c_str(), width, height,
               image.channel_names.size(), ImageDigest(image).substr(0, 16).c_str());
   // Errors recorded in the file when it was delivered.
-  for (const auto& [key, name] : {std::pair{"relativeMse", "error"}, std::pair{"flip", "FLIP"}}) {
-    const auto found = image.metadata.find(key);
-    if (found == image.metadata.end()) continue;
-    double error = 0;
-    const bool is_error = name[0] == 'e' && absl::SimpleAtod(found->second, &error);
-    std::printf("estimated %-7s %s\n", name,
-                is_error ? FormatBothErrors(error).c_str() : Printable(found->second).c_str());
+  double relative_mse = 0;
+  if (const auto found = image.metadata.find("relativeMse");
+      found != image.metadata.end() && absl::SimpleAtod(found->second, &relative_mse)) {
+    std::printf("estimated error   %s\n", FormatBothErrors(relative_mse).c_str());
+  }
+  if (const auto found = image.metadata.find("flip"); found != image.metadata.end()) {
+    std::printf("estimated FLIP    %s\n", Printable(found->second).c_str());
   }
   const auto curve = image.metadata.find(coordinator::kErrorCurveKey);
   if (curve == image.metadata.end()) return;

@@ -234,9 +234,11 @@ absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job
                                       ViewTransform view) {
   if (arguments.output.empty() && arguments.png.empty()) {
     if (arguments.denoise_with.empty()) {
-      Delivery none{{}, std::move(view), {}, ""};
-      none.detail = arguments.verbose ? Detail::kAll : Detail::kShort;
-      return none;
+      return Delivery{.paths = {},
+                      .view = std::move(view),
+                      .format = {},
+                      .options = "",
+                      .detail = arguments.verbose ? Detail::kAll : Detail::kShort};
     }
     return absl::InvalidArgumentError(
         "--denoise-with adds a layer to an image that is written: name it, as in -o room.exr");

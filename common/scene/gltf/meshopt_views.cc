@@ -126,9 +126,8 @@ bool Decode(const Source& source, std::vector<unsigned char>* out) {
 bool DecodeMeshoptViews(tinygltf::Model* model, Accessors* accessors, Diagnostics* diagnostics) {
   for (size_t v = 0; v < model->bufferViews.size(); ++v) {
     tinygltf::BufferView& view = model->bufferViews[v];
-    const char* name = kMeshopt;
+    const char* const name = Find(view.extensions, kMeshopt) != nullptr ? kMeshopt : kMeshoptKhr;
     const tinygltf::Value* extension = Find(view.extensions, name);
-    if (extension == nullptr) extension = Find(view.extensions, name = kMeshoptKhr);
     if (extension == nullptr) continue;
     std::string problem;
     const std::optional<Source> source = SourceOf(*model, extension, &problem);
