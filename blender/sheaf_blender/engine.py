@@ -21,14 +21,16 @@ from .scene.report import Report, cause
 # Reports of each scene's last export, by the scene's name; the panel shows them.
 LAST_REPORTS = {}
 REPORT_TEXT = "Sheaf report"
+EYES = ("left", "right")  # Blender's names of the views of stereo cameras.
 
 
 class ExportOnly:
     """While there is one, renders only write scene files; see operators.py."""
     present = None
 
-    def __init__(self, pattern):
-        self.pattern, self.exported = pattern, []
+    def __init__(self, pattern, both_eyes=False):
+        """both_eyes: the files are of the camera between the eyes, for `--stereo`."""
+        self.pattern, self.both_eyes, self.exported = pattern, both_eyes, []
         self._taken = set()
 
     def path(self, frame):
@@ -99,11 +101,13 @@ class SheafRenderEngine(bpy.types.RenderEngine):
     def _export(self, depsgraph, folder, view):
         scene = depsgraph.scene_eval
         self.update_stats("", "Sheaf: exporting")
+        both_eyes = ExportOnly.present is not None and ExportOnly.present.both_eyes
+        views = EYES if both_eyes else (view,)
         path = (ExportOnly.present.path(depsgraph.scene.frame_current) if ExportOnly.present
                 else os.path.join(folder, "main.pbrt"))
         exported = export_scene(depsgraph, path, content_folder(), self._settings(scene),
                                 lambda frame, subframe: self.frame_set(frame, subframe),
-                                ViewCamera(self, scene, view))
+                                ViewCamera(self, scene, *views))
         keeps_sky = ExportOnly.present is not None or exported.sky.kind == "spherical"
         passes.left_out(scene, depsgraph.view_layer_eval, exported.report, keeps_sky)
         if ExportOnly.present is not None:
@@ -114,7 +118,7 @@ class SheafRenderEngine(bpy.types.RenderEngine):
             exported.report.approximated("world", "Is Camera Ray: the camera sees the world that "
                                                   "lights the scene; F12 shows the other one")
         if ExportOnly.present is not None:
-            _note_one_image(depsgraph.scene, depsgraph.view_layer_eval, view,
+            _note_one_image(depsgraph.scene, depsgraph.view_layer_eval, "" if both_eyes else view,
                             exported.report)
         self._remember(scene, exported.report)
         for line in exported.report.lines():
@@ -242,19 +246,32 @@ def _note_one_image(scene, view_layer, view, report):
 
 
 class ViewCamera:
-    """The camera of the view that is rendered: Blender moves and shifts it for each eye."""
+    """The camera of the view that is rendered, or between those of two eyes: Blender moves and
+    shifts it for each eye.
+    """
 
-    def __init__(self, engine, scene, view):
-        self._engine, self._view = engine, view
+    def __init__(self, engine, scene, *views):
+        self._engine, self._views = engine, views
         self.object = engine.camera_override or scene.camera
 
+    def _mean(self, of_view):
+        total = None
+        for view in self._views:
+            self._engine.active_view_set(view)
+            total = of_view() if total is None else total + of_view()
+        return total * (1 / len(self._views))
+
     def matrix(self, camera_object):
-        if not self._view:
+        if not all(self._views):
             return affine(camera_object.matrix_world)
-        return self._engine.camera_model_matrix(camera_object, use_spherical_stereo=False)
+        return self._mean(lambda: self._engine.camera_model_matrix(camera_object,
+                                                                   use_spherical_stereo=False))
 
     def shift_x(self, camera_object):
-        return self._engine.camera_shift_x(camera_object, use_spherical_stereo=False)
+        if not all(self._views):
+            return self._engine.camera_shift_x(camera_object, use_spherical_stereo=False)
+        return self._mean(lambda: self._engine.camera_shift_x(camera_object,
+                                                              use_spherical_stereo=False))
 
 
 def preferences():

@@ -9,6 +9,7 @@ import tempfile
 import bpy
 
 from . import engine, jobs, passes
+from .export.eyes import stereo_options
 from .farm import program
 from .farm.program import SheafError
 
@@ -20,10 +21,10 @@ def _farm(context):
             context.scene.sheaf.address or chosen.address, chosen.insecure)
 
 
-def export_frames(scene, pattern, frames):
+def export_frames(scene, pattern, frames, both_eyes=False):
     """Writes a scene file for each frame, by the render's own evaluation. Returns [Exported]."""
     before = scene.frame_current
-    only = engine.ExportOnly.present = engine.ExportOnly(pattern)
+    only = engine.ExportOnly.present = engine.ExportOnly(pattern, both_eyes)
     try:
         for frame in frames:
             scene.frame_set(frame)
@@ -59,17 +60,17 @@ class SubmitFrames(_SheafOperator):
         sheaf, address, insecure = _farm(context)
         pattern = os.path.join(folder, "frame.####.pbrt")
         frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
-        exported = export_frames(scene, pattern, frames)
+        options = [*engine.job_options(scene, context.view_layer),
+                   *passes.options(scene, context.view_layer)]
+        eyes = stereo_options(scene, options)
+        exported = export_frames(scene, pattern, frames, bool(eyes))
         if len(exported) != len(frames):
             raise SheafError("a frame could not be exported; the messages above say why")
         step = f"x{scene.frame_step}" if scene.frame_step > 1 else ""
         text = (f"{frames[0]}-{frames[-1]}{step}" if len(frames) > 1 else str(frames[0]))
         title = bpy.path.basename(bpy.data.filepath) or "untitled.blend"
-        job, notes = jobs.submit_frames(
-            sheaf, pattern, text,
-            [*engine.job_options(scene, context.view_layer),
-             *passes.options(scene, context.view_layer)], title,
-            address, insecure)
+        job, notes = jobs.submit_frames(sheaf, pattern, text, [*options, *eyes], title, address,
+                                        insecure)
         for note in notes:
             print("Sheaf:", note)
         scene.sheaf.frames_job, scene.sheaf.frames_state = job["name"], "submitted"

@@ -20,6 +20,7 @@ import scenes_findings
 import scenes_layers
 import scenes_meaning
 from sheaf_blender import engine, operators
+from sheaf_blender.export.eyes import stereo_options
 from sheaf_blender.export import node_values, shaders, world_bake
 
 FOLDER, *CHOSEN = sys.argv[sys.argv.index("--") + 1:]
@@ -28,7 +29,7 @@ FOLDER, *CHOSEN = sys.argv[sys.argv.index("--") + 1:]
 class Case:
     """One exported scene: its text, and the lines of its report."""
 
-    def __init__(self, make, frames=None):
+    def __init__(self, make, frames=None, both_eyes=False):
         builder = scenes.Builder(FOLDER)
         bpy.ops.preferences.addon_enable(module="sheaf_blender")
         make(builder)
@@ -36,7 +37,7 @@ class Case:
         self.scene = builder.scene
         pattern = os.path.join(FOLDER, make.__name__ + ".####.pbrt")
         frames = frames or [self.scene.frame_current]
-        exported = operators.export_frames(self.scene, pattern, frames)
+        exported = operators.export_frames(self.scene, pattern, frames, both_eyes)
         check(len(exported) == len(frames), f"{len(exported)} of {len(frames)} frames are exported")
         self.texts = [open(one.path, encoding="utf-8").read() for one in exported]
         self.text = self.texts[0]
@@ -183,6 +184,35 @@ def test_rendered_animations_have_the_values_of_the_frame():
 def test_other_layers_and_eyes_are_reported_where_one_is_written():
     Case(scenes_findings.two_layers).says('view layers: "Second"')
     Case(scenes_findings.two_eyes).says('stereoscopy: the views besides "left"')
+
+
+def test_submitted_scenes_have_both_eyes():
+    def eyes(pivot, multiview):
+        def make(b):
+            scenes_findings.two_eyes(b)
+            b.scene.render.use_multiview = multiview
+            b.scene.camera.data.stereo.pivot = pivot
+        return make
+
+    def camera_of(case):
+        return [line for line in case.text.splitlines()
+                if re.match(r"\s*(Transform|LookAt|Camera)", line)][:2]
+
+    alone = camera_of(Case(eyes("CENTER", False)))
+    beside = camera_of(Case(eyes("LEFT", True), both_eyes=True))
+    both = Case(eyes("CENTER", True), both_eyes=True)
+    both.is_silent()
+    check(alone and alone == camera_of(both), f"{alone} is between the eyes: {camera_of(both)}")
+    check(beside != alone, "the pivot counts")
+    stereo = both.scene.camera.data.stereo
+    options = ["--samples", "16"]
+    check(stereo_options(both.scene, options) == ["--stereo", "0.600000024,3"], "off-axis eyes")
+    for refused in (["--aov", "uv"], ["--techniques", "camera+light"]):
+        check(stereo_options(both.scene, refused) == [], f"one eye with {refused}")
+    stereo.convergence_mode = "PARALLEL"
+    check(stereo_options(both.scene, options) == ["--stereo", "0.600000024"], "parallel eyes")
+    stereo.convergence_mode = "TOE"
+    check(stereo_options(both.scene, options) == [], "turned eyes")
 
 
 # (module of the export, function, the item that its failure names, or "" if the frame fails by it).
