@@ -33,6 +33,7 @@
 #include "common/base/surroundings/local_time.h"
 #include "common/command_line/command_line.h"
 #include "common/film/denoised_output.h"
+#include "common/film/error/eye_errors.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/external_layer.h"
 #include "coordinator/core/frame/error_curve.h"
@@ -62,6 +63,11 @@ void PrintFrame(const v1::Frame& frame) {
       100 * FractionDone(frame.progress()), error > 0 ? FormatPixelError(error).c_str() : "- ",
       frame.flip() > 0 ? absl::StrFormat("%.4f", frame.flip()).c_str() : "-",
       frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
+  if (frame.left_eye_relative_mse() <= 0 && frame.right_eye_relative_mse() <= 0) return;
+  std::printf("%8s error of the left eye %s, the right %s, their difference %s\n", "",
+              FormatPixelError(frame.left_eye_relative_mse()).c_str(),
+              FormatPixelError(frame.right_eye_relative_mse()).c_str(),
+              FormatPixelError(frame.eye_difference_relative_mse()).c_str());
 }
 
 // Prints the tasks of a frame that are set aside, why, and the command that gets a failed one.
@@ -188,13 +194,18 @@ void PrintFile(const std::string& path, const FrameImage& image, bool json) {
   std::printf("%s  %dx%d, %zu channels, %s\n", path.c_str(), width, height,
               image.channel_names.size(), ImageDigest(image).substr(0, 16).c_str());
   // Errors recorded in the file when it was delivered.
-  double relative_mse = 0;
-  if (const auto found = image.metadata.find("relativeMse");
-      found != image.metadata.end() && absl::SimpleAtod(found->second, &relative_mse)) {
-    std::printf("estimated error   %s\n", FormatBothErrors(relative_mse).c_str());
+  for (const auto& [key, name] :
+       {std::pair{"relativeMse", "error"}, std::pair{kLeftEyeErrorKey, "error of the left eye"},
+        std::pair{kRightEyeErrorKey, "error of the right eye"},
+        std::pair{kEyeDifferenceErrorKey, "error of their difference"}}) {
+    const auto found = image.metadata.find(key);
+    double relative_mse = 0;
+    if (found != image.metadata.end() && absl::SimpleAtod(found->second, &relative_mse)) {
+      std::printf("estimated %-7s %s\n", name, FormatBothErrors(relative_mse).c_str());
+    }
   }
   if (const auto found = image.metadata.find("flip"); found != image.metadata.end()) {
-    std::printf("estimated FLIP    %s\n", Printable(found->second).c_str());
+    std::printf("estimated %-7s %s\n", "FLIP", Printable(found->second).c_str());
   }
   const auto curve = image.metadata.find(coordinator::kErrorCurveKey);
   if (curve == image.metadata.end()) return;

@@ -43,6 +43,15 @@ std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered
   return text;
 }
 
+// The errors of the eyes of a stereo frame, of which the frame's is the larger.
+std::string FormatEyes(const v1::Frame& frame) {
+  if (frame.left_eye_relative_mse() <= 0 && frame.right_eye_relative_mse() <= 0) return "";
+  return absl::StrCat("; error ", FormatPixelError(frame.left_eye_relative_mse()),
+                      " of the left eye, ", FormatPixelError(frame.right_eye_relative_mse()),
+                      " of the right, ", FormatPixelError(frame.eye_difference_relative_mse()),
+                      " of their difference");
+}
+
 // Whether all of its samples were rendered by this job, and none came with an image.
 bool IsRendered(const v1::Frame& frame) { return !frame.spec().has_resumed_image(); }
 
@@ -158,9 +167,9 @@ std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths, 
   return absl::StrCat(
       "frame ", frame.spec().frame_number(), ": ", window.x1_px() - window.x0_px(), "x",
       window.y1_px() - window.y0_px(), ", ", FormatSamples(frame), FormatBias(settings), kNextLine,
-      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame), detail), FormatStop(frame),
-      FormatReliability(frame, detail), FormatOneSequence(frame, detail), kNextLine, "written to ",
-      paths.exr, paths.png.empty() ? "" : " and ", paths.png);
+      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame), detail), FormatEyes(frame),
+      FormatStop(frame), FormatReliability(frame, detail), FormatOneSequence(frame, detail),
+      kNextLine, "written to ", paths.exr, paths.png.empty() ? "" : " and ", paths.png);
 }
 
 std::string FormatJobSummary(const v1::Job& job, Detail detail) {

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/film/cryptomatte.h"
 #include "common/film/denoised_output.h"
@@ -173,6 +174,29 @@ void DevelopPixel(const FilmTile& sums, size_t from, size_t to, const Planes& pl
   planes.nonfinite[to] = sums.channel(FilmChannel::kNonFiniteCount)[from];
 }
 
+void DevelopEyeDifference(const FilmTile& sums, FrameImage* image) {
+  const PixelRect& window = image->window;
+  SHEAF_CHECK(sums.rect() == window && window.Width() % 2 == 0);
+  const auto half = static_cast<size_t>(window.Width() / 2);
+  for (size_t i = 0; i < 3; ++i) {
+    std::array<double, 3> weights{};
+    weights[i] = 1;
+    if (!image->color.AsSummed()) {
+      const auto& row = image->color.light_from_srgb.m[i];
+      weights = {row[0], row[1], row[2]};
+    }
+    const std::string channel = absl::StrCat(kEyeDifferenceLayer, ".", std::string(1, "RGB"[i]));
+    std::vector<float>& plane = *image->Find(channel);
+    for (size_t p = 0; p < plane.size(); ++p) {
+      if (p / half % 2 == 1) {
+        plane[p] = plane[p - half];
+      } else {
+        plane[p] = static_cast<float>(StandardErrorOfDifference(sums, p, p + half, weights));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 void DevelopTile(const FilmTile& sums, FrameImage* image) {
@@ -186,6 +210,7 @@ void DevelopTile(const FilmTile& sums, FrameImage* image) {
     size_t to = window.IndexOf(tile.x0, y);
     for (int32_t x = tile.x0; x < tile.x1; ++x) DevelopPixel(sums, from++, to++, planes);
   }
+  if (HasEyeDifference(*image)) DevelopEyeDifference(sums, image);
 }
 
 void NoteNames(const FilmTile& sums, FrameImage* image) {

@@ -15,7 +15,8 @@ namespace sheaf {
 
 // Writes one tile's means and standard errors into the image: sums divided by the weight, depth by
 // the sum of alpha, outputs as their channels define, light and albedo in the image's primaries. A
-// pixel with weight 0 becomes 0. Standard errors are 0 if there are fewer than 2 replicates.
+// pixel with weight 0 becomes 0. Standard errors are 0 if there are fewer than 2 replicates. If the
+// image has kEyeDifferenceLayer, the tile is its whole window, of which each eye has a half.
 // Requires: the image is from MakeFrameImage with the tile's outputs and its window contains the
 // tile.
 // Thread safety: distinct tiles may be developed into one image concurrently.

@@ -72,6 +72,17 @@ FrameImage MakeFrameImage(PixelRect window, int32_t frame_width_px, int32_t fram
   return image;
 }
 
+void AddEyeDifference(FrameImage* image) {
+  for (const char* component : {".R", ".G", ".B"}) {
+    image->channel_names.push_back(absl::StrCat(kEyeDifferenceLayer, component));
+    image->planes.emplace_back(static_cast<size_t>(image->window.PixelCount()));
+  }
+}
+
+bool HasEyeDifference(const FrameImage& image) {
+  return image.Find(absl::StrCat(kEyeDifferenceLayer, ".R")) != nullptr;
+}
+
 absl::Status ConvertColor(const Chromaticities& to, FrameImage* image) {
   const std::optional<Matrix4> conversion = RgbFromRgb(to, image->color.chromaticities);
   if (!conversion) return absl::InvalidArgumentError("the image's primaries are degenerate");

@@ -44,6 +44,15 @@ size_t ImageChannelCount(const FilmOutputs& outputs);
 // An empty image with all channels for the window.
 FrameImage MakeFrameImage(PixelRect window, int32_t frame_width_px, int32_t frame_height_px,
                           const FilmOutputs& outputs = {}, const ImageColor& color = {});
+// The layer of a stereo image (common/film/exr/stereo_views.h) with the standard error of the
+// difference of its eyes: of the left eye's value less the right eye's in the same place of its
+// film. Eyes share paths, so their errors are correlated, and it does not follow from those of the
+// eyes. Both halves of the image have the same values.
+inline constexpr char kEyeDifferenceLayer[] = "difference.stderr";
+// Adds its channels, for R, G and B, to an image of both eyes.
+void AddEyeDifference(FrameImage* image);
+bool HasEyeDifference(const FrameImage& image);
+
 // Converts only the channels R, G, B to other primaries; the standard errors then no longer match
 // them.
 // Errors: kInvalidArgument if R, G or B is missing, or if primaries are degenerate.

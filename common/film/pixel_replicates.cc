@@ -50,4 +50,39 @@ double PixelReplicates::StandardError(const std::array<double, 3>& weights) cons
   });
 }
 
+double StandardErrorOfDifference(const FilmTile& sums, size_t left, size_t right,
+                                 const std::array<double, 3>& weights) {
+  const std::array<size_t, 2> pixels{left, right};
+  const auto weight_of = [&](uint32_t slot, size_t p) {
+    return double{sums.replicate(slot, 3)[p]};
+  };
+  const auto color_of = [&](uint32_t slot, size_t p) {
+    double sum = 0;
+    for (size_t i = 0; i < 3; ++i) sum += weights[i] * double{sums.replicate(slot, i)[p]};
+    return sum;
+  };
+  std::array<double, 2> color{}, weight{};
+  for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
+    for (size_t i = 0; i < 2; ++i) {
+      color[i] += color_of(slot, pixels[i]);
+      weight[i] += weight_of(slot, pixels[i]);
+    }
+  }
+  if (weight[0] == 0 || weight[1] == 0) return 0;
+  double squares = 0, count = 0;
+  for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
+    std::array<double, 2> residual;
+    bool has_samples = false;
+    for (size_t i = 0; i < 2; ++i) {
+      const double w = weight_of(slot, pixels[i]), c = color_of(slot, pixels[i]);
+      residual[i] = (c - color[i] / weight[i] * w) / weight[i];
+      has_samples |= w != 0 || c != 0;
+    }
+    if (!has_samples) continue;
+    ++count;
+    squares += (residual[0] - residual[1]) * (residual[0] - residual[1]);
+  }
+  return count < 2 ? 0 : std::sqrt(squares * count / (count - 1));
+}
+
 }  // namespace sheaf

@@ -45,4 +45,11 @@ class PixelReplicates {
   size_t count_ = 0;
 };
 
+// The standard error of a weighted sum of R, G and B of the pixel `left` less that of the pixel
+// `right`, whose replicates with equal numbers share paths. The residuals of both are subtracted in
+// each replicate before they are squared, so that their correlation counts. 0 where PixelReplicates
+// gives 0 for either pixel.
+double StandardErrorOfDifference(const FilmTile& sums, size_t left, size_t right,
+                                 const std::array<double, 3>& weights);
+
 }  // namespace sheaf

@@ -63,6 +63,8 @@ CREATE TABLE frames(
   seal INTEGER NOT NULL DEFAULT 0, techniques INTEGER NOT NULL DEFAULT 0,
   light_samples_max INTEGER NOT NULL DEFAULT 0, eye_distance REAL NOT NULL DEFAULT 0,
   eye_convergence REAL NOT NULL DEFAULT 0, certified INTEGER NOT NULL DEFAULT 0,
+  left_eye_relative_mse REAL NOT NULL DEFAULT 0, right_eye_relative_mse REAL NOT NULL DEFAULT 0,
+  eye_difference_relative_mse REAL NOT NULL DEFAULT 0,
   PRIMARY KEY(job_id, frame_number)) WITHOUT ROWID;
 CREATE TABLE rounds(
   job_id INTEGER NOT NULL, frame_number INTEGER NOT NULL, round INTEGER NOT NULL,

@@ -48,7 +48,9 @@ struct PartRow {
 // The properties of a frame whose EXR is written.
 struct DeliveredFrame {
   std::string image_digest;
-  double relative_mse = 0;
+  double relative_mse = 0;  // The worse eye's in a stereo frame.
+  // Errors of a stereo frame (eye_errors.h); 0 for other frames.
+  double left_eye_relative_mse = 0, right_eye_relative_mse = 0, eye_difference_relative_mse = 0;
   double flip = 0;                // Estimated mean (flip_estimate.h); 0 if it is unknown.
   double one_sequence_gain = 0;   // See OneSequenceGain; for frames without a stop rule.
   double relative_mse_upper = 0;  // See RoundDecision; 0 if the frame was not rendered in rounds.

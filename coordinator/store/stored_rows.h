@@ -147,6 +147,9 @@ void VisitColumns(Row& row, const Visitor& visit) {
   visit("unreliable_layers", row.frame.unreliable_layers);
   visit("flip", row.frame.flip);
   visit("one_sequence_gain", row.frame.one_sequence_gain);
+  visit("left_eye_relative_mse", row.frame.left_eye_relative_mse);
+  visit("right_eye_relative_mse", row.frame.right_eye_relative_mse);
+  visit("eye_difference_relative_mse", row.frame.eye_difference_relative_mse);
 }
 
 // A frame of a job that continues, in the table `frames`.

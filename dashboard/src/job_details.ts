@@ -105,6 +105,7 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'Error', format.typicalError(progress.relative_mse),
       'The typical relative error of a pixel, estimated from replicates; see “What the error means”'
     ],
+    ...errorsOfEyes(frame),
     ...targetOf(frame),
     ...certifiedErrorOf(frame),
     ...priceOfErrorBars(frame),
@@ -126,6 +127,24 @@ function factsOf(job: Job, frame: Frame|undefined): [string, string, string?][] 
       'Samples that are not a number or infinite; anything but 0 is a defect'
     ],
     ...keptOf(job),
+  ];
+}
+
+// The frame's error is the worse eye's.
+function errorsOfEyes(frame: Frame|undefined): [string, string, string][] {
+  const left = frame?.left_eye_relative_mse, right = frame?.right_eye_relative_mse;
+  if (!left || !right) return [];
+  const difference = frame.eye_difference_relative_mse ?? 0;
+  return [
+    [
+      'Left, right eye', format.typicalError(left) + ', ' + format.typicalError(right),
+      'The errors of the eyes; the frame’s is the larger'
+    ],
+    [
+      'Difference of the eyes', format.typicalError(difference),
+      'The error of the left eye less the right one: √2 times that of an eye if they were ' +
+          'independent, and less the more paths they share'
+    ],
   ];
 }
 

@@ -127,6 +127,9 @@ export interface Frame {
   unreliable_tile_count: number;
   unreliable_layers: UnreliableLayer[];
   flip: number|null;
+  left_eye_relative_mse: number|null;
+  right_eye_relative_mse: number|null;
+  eye_difference_relative_mse: number|null;
   certificate: string;
   correction_count: number;
   one_sequence_gain: number|null;

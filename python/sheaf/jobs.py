@@ -92,6 +92,9 @@ class Frame:
     stop_reason: StopReason | None  # Until it is complete: None.
     image_digest: str  # Until it is complete: "".
     flip: float | None
+    left_eye_relative_mse: float | None  # Stereo frames; progress has the worse one.
+    right_eye_relative_mse: float | None
+    eye_difference_relative_mse: float | None  # The left eye less the right one.
     tile_count: int
     unreliable_tile_count: int
     message: frame_pb2.Frame = dataclasses.field(repr=False, compare=False)
@@ -206,6 +209,9 @@ def frame_from(message: frame_pb2.Frame) -> Frame:
         progress=_progress(message.progress), rounds=tuple(map(_round, message.rounds)),
         stop_reason=_enum(StopReason, message.stop_reason, -1) if message.complete else None,
         image_digest=message.image_digest, flip=message.flip or None,
+        left_eye_relative_mse=message.left_eye_relative_mse or None,
+        right_eye_relative_mse=message.right_eye_relative_mse or None,
+        eye_difference_relative_mse=message.eye_difference_relative_mse or None,
         tile_count=message.tile_count, unreliable_tile_count=message.unreliable_tile_count,
         message=message)
 

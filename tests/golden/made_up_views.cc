@@ -38,6 +38,9 @@ FrameView MadeUpFrame() {
   frame.unreliable_tile_count = 5;
   frame.unreliable_layers = {{"caustic", 4}, {"key", 1}};
   frame.flip = 0.125;
+  frame.left_eye_relative_mse = 0.0625;
+  frame.right_eye_relative_mse = 0.03125;
+  frame.eye_difference_relative_mse = 0.015625;
   frame.one_sequence_gain = 1.5;
   frame.certificate = "X, Y and Z of a sample are at most 12.5";
   frame.rounds = {{0.5, 0.75, 0.25, 0, 100, 200, 1.5, 0.5, 300, 0.875, 0},

@@ -3,6 +3,7 @@
 #include "common/film/error/running_error.h"
 
 #include "common/film/error/error_planes.h"
+#include "common/film/error/eye_errors.h"
 
 namespace sheaf {
 namespace {
@@ -48,7 +49,8 @@ void RunningError::Update(const FrameImage& image, std::span<const uint32_t> cha
   RareHits ignored;
   for (const uint32_t index : changed) {
     Tile& tile = tiles_[index];
-    tile.error = SumErrors(planes, image, tile.rect, mean, 0, &ignored);
+    tile.error = HasEyeDifference(image) ? EstimateEyeErrors(image).OfWorse()
+                                         : SumErrors(planes, image, tile.rect, mean, 0, &ignored);
   }
   sum_ = {};
   for (const Tile& tile : tiles_) sum_.Add(tile.error);

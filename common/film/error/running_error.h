@@ -4,7 +4,8 @@
 // RunningError: a growing image's relMSE, for display. After each change only the changed tiles are
 // evaluated, so that a large image can be observed as often as a small one. A tile's error is as of
 // its last change: later changes of its neighbors and of the image's mean are ignored, and so are
-// the variances that RareHits adds. Decisions use EstimateTileErrors.
+// the variances that RareHits adds. Decisions use EstimateTileErrors. A stereo image has one tile,
+// with the errors of its worse eye.
 #pragma once
 
 #include <cstdint>

@@ -23,7 +23,8 @@ constexpr std::string_view kScalars[] = {"samples",
                                          "light.nonfinite"};
 constexpr std::string_view kComponent = ".X";
 constexpr std::string_view kMatteLayers = "Crypto";
-constexpr std::string_view kErrorLayers[] = {"stderr", "denoisedError", "light.stderr"};
+constexpr std::string_view kErrorLayers[] = {"stderr", "denoisedError", "light.stderr",
+                                             "difference.stderr"};
 
 bool IsScalar(std::string_view name) {
   return std::ranges::find(kScalars, name) != std::end(kScalars);

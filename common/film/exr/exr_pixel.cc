@@ -19,10 +19,11 @@ namespace {
 
 using PixelValues = std::vector<std::pair<std::string, float>>;
 
-// Those of one view of a stereo image, with their names in the image.
+// Those of one view of a stereo image, and of no view, with their names in the image.
 PixelValues OfView(const PixelValues& values, size_t view) {
   PixelValues result;
   for (const auto& [name, value] : values) {
+    if (IsOfNoView(name)) result.emplace_back(name, value);
     const auto channel = ChannelOfView(name);
     if (channel && channel->first == view) result.emplace_back(channel->second, value);
   }

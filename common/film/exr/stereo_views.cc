@@ -76,6 +76,10 @@ std::optional<std::pair<size_t, std::string>> ChannelOfView(const std::string& f
   return std::nullopt;
 }
 
+bool IsOfNoView(std::string_view name) {
+  return name.substr(0, name.rfind('.')) == kEyeDifferenceLayer;
+}
+
 std::string_view WithoutView(std::string_view layer) {
   for (const char* view : kViewNames) {
     const std::string end = absl::StrCat(".", view);
@@ -91,6 +95,11 @@ FrameImage SplitViews(const FrameImage& image) {
   split.window.x1 = image.window.x0 + image.window.Width() / 2;
   split.frame_width_px = image.frame_width_px / 2;
   for (size_t i = 0; i < image.planes.size(); ++i) {
+    if (IsOfNoView(image.channel_names[i])) {
+      split.channel_names.push_back(image.channel_names[i]);
+      split.planes.push_back(HalfOf(image.planes[i], static_cast<size_t>(image.window.Width()), 0));
+      continue;
+    }
     for (size_t view = 0; view < std::size(kViewNames); ++view) {
       split.channel_names.push_back(ViewChannelName(FileChannelName(image.channel_names[i]), view));
       split.planes.push_back(
@@ -105,6 +114,10 @@ void JoinViews(FrameImage* image) {
   constexpr size_t kAbsent = ~size_t{0};
   std::map<std::string, std::array<size_t, 2>> channels;
   for (size_t i = 0; i < image->channel_names.size(); ++i) {
+    if (IsOfNoView(image->channel_names[i])) {
+      channels[image->channel_names[i]] = {i, i};
+      continue;
+    }
     const auto channel = ChannelOfView(image->channel_names[i]);
     if (!channel) return;
     auto& views = channels.try_emplace(channel->second, std::array{kAbsent, kAbsent}).first->second;

@@ -5,8 +5,8 @@
 // first; its metadata has kViewsKey. A file has both as views of one image of half the width, as
 // OpenEXR's multi-view convention says: the attribute multiView is "left", "right"; channels of the
 // left view, which is the default, are R, G, B, A as ever, all others have the view's name before
-// their last component: right.R, albedo.left.R, albedo.right.R. Source: "OpenEXR Multi-View
-// Images", openexr.com, 2013.
+// their last component: right.R, albedo.left.R, albedo.right.R. The layer of the eyes' difference
+// is of no view and keeps its name. Source: "OpenEXR Multi-View Images", openexr.com, 2013.
 #pragma once
 
 #include <optional>
@@ -29,6 +29,8 @@ bool IsStereoImage(const FrameImage& image);
 // image. Names in files are those of FileChannelName; nothing for channels of no view.
 std::string ViewChannelName(const std::string& file_name, size_t view);
 std::optional<std::pair<size_t, std::string>> ChannelOfView(const std::string& file_name);
+// Whether a channel is of no view, as the difference of the eyes is.
+bool IsOfNoView(std::string_view name);
 // "albedo" of "albedo.right"; other layers as they are.
 std::string_view WithoutView(std::string_view layer);
 

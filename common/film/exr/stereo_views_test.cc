@@ -75,6 +75,20 @@ TEST(StereoViewsTest, ImagesComeBackSideBySide) {
   }
 }
 
+TEST(StereoViewsTest, TheDifferenceOfTheEyesIsOfNoView) {
+  FrameImage image = StereoImage();
+  AddEyeDifference(&image);
+  for (size_t p = 0; p < image.planes.back().size(); ++p) {
+    image.planes.back()[p] = static_cast<float>(p / 6 * 3 + p % 3);
+  }
+  const std::string bytes = EncodeFrameImage(image);
+  const std::vector<std::string> names = ChannelsOf(bytes);
+  EXPECT_EQ(std::ranges::count(names, "difference.stderr.B"), 1);
+  const absl::StatusOr<FrameImage> read = DecodeFrameImage(bytes);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(ImageDigest(*read), ImageDigest(image));
+}
+
 TEST(StereoViewsTest, OnlyColorsOfViewsAreRounded) {
   FrameImage image = StereoImage();
   for (std::vector<float>& plane : image.planes) plane.assign(plane.size(), 1 + 0x1p-20f);

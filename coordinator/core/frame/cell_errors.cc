@@ -4,6 +4,8 @@
 
 #include <span>
 
+#include "common/film/error/eye_errors.h"
+
 namespace sheaf::coordinator {
 namespace {
 
@@ -52,6 +54,7 @@ void LeanOnTiles(const CellGrid& grid, std::vector<ErrorSums>* errors) {
 }
 
 std::vector<ErrorSums> EstimateCellErrors(const FrameImage& image, const CellGrid& grid) {
+  if (HasEyeDifference(image)) return {EstimateEyeErrors(image).OfWorse()};
   std::vector<ErrorSums> errors = EstimateTileErrors(image, grid.cells());
   LeanOnTiles(grid, &errors);
   return errors;

@@ -39,6 +39,7 @@ FrameMerge::FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_
                             ImageColorOf(spec.settings.primaries, spec.settings.white_balance_k,
                                          spec.settings.sensor))) {
   SHEAF_CHECK(samples_.size() == grid_.cells().size());
+  if (spec.settings.IsStereo()) AddEyeDifference(&image_);
   if (has_light_) {
     samples_.push_back(std::ranges::max(samples_));
     camera_.image = image_;

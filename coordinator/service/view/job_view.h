@@ -134,7 +134,9 @@ struct FrameView {
   uint32_t unreliable_tile_count = 0;         // Tiles with unreliable error estimates.
   std::vector<LayerCount> unreliable_layers;  // The causes, if the frame has layers.
   std::optional<double> flip;                 // At delivery.
-  std::optional<double> one_sequence_gain;    // OneSequenceGain; for frames without a stop rule.
+  // Errors of a stereo frame, at delivery (eye_errors.h).
+  std::optional<double> left_eye_relative_mse, right_eye_relative_mse, eye_difference_relative_mse;
+  std::optional<double> one_sequence_gain;  // OneSequenceGain; for frames without a stop rule.
   // The proof of the bound of samples, or why the error has no certificate (SampleBound::reason).
   std::string certificate;
   std::vector<RoundView> rounds;  // Ascending; empty without rounds, and in ListJobs.
@@ -177,6 +179,9 @@ void VisitFields(View& frame, const Visitor& visit) {
   visit(ViewField{"unreliable_tile_count"}, frame.unreliable_tile_count);
   visit(ViewField{"unreliable_layers"}, frame.unreliable_layers);
   visit(ViewField{"flip"}, frame.flip);
+  visit(ViewField{"left_eye_relative_mse"}, frame.left_eye_relative_mse);
+  visit(ViewField{"right_eye_relative_mse"}, frame.right_eye_relative_mse);
+  visit(ViewField{"eye_difference_relative_mse"}, frame.eye_difference_relative_mse);
   visit(ViewField{"certificate"}, frame.certificate);
   visit(ViewField{"correction_count"}, frame.correction_count);
   visit(ViewField{"one_sequence_gain"}, frame.one_sequence_gain);

@@ -96,6 +96,9 @@ TEST_P(JobStoreTest, JobsSurviveAReopen) {
       store_
           ->DeliverFrame({job, 7}, {.image_digest = "digest",
                                     .relative_mse = 0.5,
+                                    .left_eye_relative_mse = 0.5,
+                                    .right_eye_relative_mse = 0.25,
+                                    .eye_difference_relative_mse = 0.125,
                                     .flip = 0.0625,
                                     .one_sequence_gain = 1.5,
                                     .relative_mse_upper = 0.75,
@@ -146,6 +149,9 @@ TEST_P(JobStoreTest, JobsSurviveAReopen) {
   const DeliveredFrame& delivered = stored.delivered[0].delivered;
   EXPECT_EQ(delivered.relative_mse_upper, 0.75);
   EXPECT_EQ(delivered.stop_reason, StopReason::kTime);
+  EXPECT_EQ(delivered.left_eye_relative_mse, 0.5);
+  EXPECT_EQ(delivered.right_eye_relative_mse, 0.25);
+  EXPECT_EQ(delivered.eye_difference_relative_mse, 0.125);
   EXPECT_EQ(delivered.flip, 0.0625);
   EXPECT_EQ(delivered.one_sequence_gain, 1.5);
   EXPECT_EQ(delivered.unreliable_layers,

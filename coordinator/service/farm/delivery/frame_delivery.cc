@@ -17,6 +17,7 @@
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
 #include "common/film/denoised_output.h"
+#include "common/film/error/eye_errors.h"
 #include "common/film/error/rare_layers.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/film/exr/stereo_views.h"
@@ -71,8 +72,12 @@ std::map<std::string, std::string> ImageMetadata(const FrameSpec& spec,
 void AddFindings(const DeliveredFrame& delivered, const FrameMerge& merge, FrameImage* image) {
   image->metadata[kImageDigestKey] = delivered.image_digest;
   if (merge.signed_weights()) image->metadata[kSampleWeightKey] = "signed";
-  if (delivered.relative_mse > 0) {
-    image->metadata["relativeMse"] = absl::StrFormat("%.6g", delivered.relative_mse);
+  for (const auto& [key, value] :
+       {std::pair{"relativeMse", delivered.relative_mse},
+        std::pair{kLeftEyeErrorKey, delivered.left_eye_relative_mse},
+        std::pair{kRightEyeErrorKey, delivered.right_eye_relative_mse},
+        std::pair{kEyeDifferenceErrorKey, delivered.eye_difference_relative_mse}}) {
+    if (value > 0) image->metadata[key] = absl::StrFormat("%.6g", value);
   }
   if (delivered.flip > 0) image->metadata["flip"] = absl::StrFormat("%.6g", delivered.flip);
 }
@@ -224,7 +229,15 @@ DeliveredFrame FrameDelivery::Account(const FrameId& id, const OpenFrame& frame)
   delivered.unreliable_tile_count = static_cast<uint32_t>(unreliable.size());
   delivered.unreliable_layers = RareLayers(image, unreliable);
   delivered.image_digest = ImageDigest(image);
-  delivered.relative_mse = EstimateError(image).relative_mse;
+  if (HasEyeDifference(image)) {
+    const EyeErrors eyes = EstimateEyeErrors(image);
+    delivered.relative_mse = eyes.OfWorse().RelativeMse();
+    delivered.left_eye_relative_mse = eyes.left.RelativeMse();
+    delivered.right_eye_relative_mse = eyes.right.RelativeMse();
+    delivered.eye_difference_relative_mse = eyes.difference.RelativeMse();
+  } else {
+    delivered.relative_mse = EstimateError(image).relative_mse;
+  }
   delivered.one_sequence_gain = PriceOfErrorBars(id, frame.spec);
   delivered.flip = merge.Flip().value_or(0);
   const MutexLock lock(&tables_.mutex);

@@ -287,6 +287,9 @@ FrameView JobViews::ViewOf(const JobRecord& job, const FrameRecord& frame, bool 
     view.unreliable_tile_count = delivered.unreliable_tile_count;
     view.unreliable_layers = delivered.unreliable_layers;
     view.flip = AboveZero(delivered.flip);
+    view.left_eye_relative_mse = AboveZero(delivered.left_eye_relative_mse);
+    view.right_eye_relative_mse = AboveZero(delivered.right_eye_relative_mse);
+    view.eye_difference_relative_mse = AboveZero(delivered.eye_difference_relative_mse);
     view.one_sequence_gain = AboveZero(delivered.one_sequence_gain);
     progress.wall_seconds = Seconds(delivered.wall_duration);
     progress.remaining_seconds = 0;
