@@ -12,7 +12,6 @@
 #include "absl/strings/str_cat.h"
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
-#include "cli/commands/stereo_option.h"
 #include "cli/interruption.h"
 #include "cli/job/camera_paths_check.h"
 #include "cli/job/input_check.h"
@@ -34,7 +33,6 @@ class PlanCommand : public Command {
     CLI::App* command = app->add_subcommand(
         "plan", "Show which effects a scene uses, and which variant renders it");
     AddSettingsOptions(command, &arguments_);
-    AddStereoOption(command, &arguments_.settings);
     AddJsonFlag(command, &json_);
     command->add_flag(
         "--measure", measure_,

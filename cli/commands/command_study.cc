@@ -92,8 +92,12 @@ class StudyCommand : public Command {
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
     if (HasOneTile(opened.settings)) {
       return ReportError(ExitCode::kUsage,
-                         absl::InvalidArgumentError("a study knows paths of one pixel: remove "
-                                                    "+sharing or +mutations of --techniques"));
+                         absl::InvalidArgumentError(
+                             opened.settings.IsStereo()
+                                 ? "a study compares spread tiles, and eyes that share paths are "
+                                   "rendered whole: remove --stereo, and study one eye"
+                                 : "a study compares spread tiles of paths of one pixel: remove "
+                                   "+sharing or +mutations of --techniques"));
     }
     std::vector<std::string> inputs;
     for (const auto& [name, path] : opened.file.files->FilesUsed()) inputs.push_back(path);
@@ -103,7 +107,7 @@ class StudyCommand : public Command {
     const SceneDescription& scene = opened.file.read.scene;
     const absl::StatusOr<std::string> techniques = ChooseTechniques(
         asked.measure_techniques ? std::optional(render::TechniqueEffort::kAsked) : std::nullopt,
-        scene, *opened.file.files, &opened.settings);
+        /*may_share=*/false, scene, *opened.file.files, &opened.settings);
     if (!techniques.ok()) return ReportSceneError(techniques.status());
     if (!techniques->empty()) PrintInfo(*techniques);
     if (options_.threads == 0) {

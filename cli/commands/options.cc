@@ -130,6 +130,11 @@ void AddGltfOptions(CLI::App* command, GltfArguments* gltf) {
                    "that sees the whole scene)")
       ->check(one_line);
   command
+      ->add_option("--right-camera", gltf->right_camera,
+                   "Camera of the right eye, with --camera that of the left one: renders both as "
+                   "--stereo does. They look in the same direction")
+      ->check(one_line);
+  command
       ->add_option("--animation", gltf->animation,
                    "Animation, by its name (default: the first, with those that move other things)")
       ->check(one_line);
@@ -263,9 +268,8 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "whose filters cover them; +views: and through several points of the lens and, if only "
           "the camera moves, times of the shutter. +mutations: samples far brighter than their "
           "region are spread over chains of similar paths. All but merging have the same mean. "
-          "auto: what "
-          "pays most, "
-          "which small images measure first (default: those of the scene's integrator; for paths "
+          "auto: what pays most, +sharing and +views included, which small images measure first "
+          "(default: those of the scene's integrator; for paths "
           "from the camera, in render, submit and quote, auto where the first of these images are "
           "a "
           "hundredth of the frame)")
@@ -317,6 +321,7 @@ void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   AddGltfOptions(command, &arguments->gltf);
   AddOutputOptions(command, &settings);
   AddTransportOptions(command, &settings);
+  AddStereoOption(command, &arguments->settings);
 }
 
 void AddViewOptions(CLI::App* command, ViewArguments* view) {
@@ -417,7 +422,6 @@ void AddFramesOption(CLI::App* command, JobArguments* arguments) {
 
 void AddJobOptions(CLI::App* command, JobArguments* arguments) {
   AddSettingsOptions(command, arguments);
-  AddStereoOption(command, &arguments->settings);
   AddStopOptions(command, &arguments->stop);
   AddFramesOption(command, arguments);
   const OptionGroup group(command, kImageGroup);

@@ -58,6 +58,7 @@ void MoveToSrgb(const std::string& path, FloatImage* image) {
 GltfView ViewOf(const GltfArguments& arguments, const FilmSize& size, int32_t frame_number) {
   GltfView view;
   view.camera = arguments.camera;
+  view.right_camera = arguments.right_camera;
   view.animation = arguments.animation;
   view.time_s = (frame_number - 1) / arguments.fps;
   view.shutter_s = arguments.shutter / arguments.fps;
@@ -97,10 +98,10 @@ absl::Status GltfInputs::Add(const std::string& main_file, int32_t frame_number,
                              FileSource* files) {
   if (!IsGltfName(main_file)) {
     if (arguments_.AreDefault()) return absl::OkStatus();
-    return absl::InvalidArgumentError(
-        absl::StrCat(main_file,
-                     ": --camera, --animation, --environment, --fps and --shutter are for "
-                     "glTF scenes; this one contains all of it"));
+    return absl::InvalidArgumentError(absl::StrCat(
+        main_file,
+        ": --camera, --right-camera, --animation, --environment, --fps and --shutter are for "
+        "glTF scenes; this one contains all of it"));
   }
   GltfView view = ViewOf(arguments_, size_, frame_number);
   if (arguments_.environment == GltfView::kNoEnvironment) {

@@ -22,11 +22,12 @@ namespace sheaf::cli {
 // The flags for glTF scenes; pbrt-v4 scenes contain all of this.
 struct GltfArguments {
   std::string camera, animation;  // Names; empty: the file's first.
+  std::string right_camera;       // The right eye's; `camera` is the left one's. Empty: one eye.
   // Path of an equirectangular image, or GltfView::kNoEnvironment. Empty: that of
   // common/scene/gltf/surrounding/surrounding.h if the file has no lights.
   std::string environment;
-  double fps = 24;                      // Frame N is at (N - 1) / fps seconds.
-  double shutter = 0.5;                 // How long it is open, in frames.
+  double fps = 24;       // Frame N is at (N - 1) / fps seconds.
+  double shutter = 0.5;  // How long it is open, in frames.
 
   static constexpr double kFpsMax = 10000;
   bool AreDefault() const { return *this == GltfArguments(); }

@@ -13,6 +13,8 @@
 #include "common/scene/black_image.h"
 #include "common/scene/film_size.h"
 #include "common/scene/reader/scene_file_reader.h"
+#include "coordinator/core/job/job_check.h"
+#include "worker/render/ablation/sharing_measurement.h"
 #include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/scene/memory_estimate.h"
 
@@ -45,6 +47,12 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
   return SceneFile{std::move(files), *std::move(read)};
 }
 
+absl::StatusOr<FrameSettings> ResolveSettings(const ReadSceneResult& read,
+                                              RenderSettings settings) {
+  if (read.eye_distance > 0) settings.eye_distance = read.eye_distance;
+  return ResolveSettings(read.scene, settings);
+}
+
 ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
   GltfInputs gltf(arguments.gltf, arguments.size);
   absl::StatusOr<SceneFile> file = ReadSceneFile(arguments.scene, &gltf);
@@ -52,8 +60,7 @@ ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened) {
   for (const SceneDiagnostic& diagnostic : file->read.diagnostics) {
     PrintSceneNote(diagnostic.text);
   }
-  const absl::StatusOr<FrameSettings> settings =
-      ResolveSettings(file->read.scene, arguments.settings);
+  const absl::StatusOr<FrameSettings> settings = ResolveSettings(file->read, arguments.settings);
   if (!settings.ok()) {
     return ReportError(ExitCode::kUsage, Annotate(settings.status(), arguments.scene));
   }
@@ -71,10 +78,33 @@ std::string CropNote(const RenderSettings& settings, const FrameSettings& resolv
                       window.y0, ",", window.x1, ",", window.y1);
 }
 
+namespace {
+
+// Whether a farm takes a frame of this size in one tile.
+bool FitsSharing(FrameSettings settings) {
+  settings.techniques = TechniqueSet{Technique::kSharing};
+  return coordinator::LightPassesMax(settings, coordinator::Limits()) > 0;
+}
+
+// For a stereo frame, whose eyes share paths from the camera alone.
+absl::StatusOr<std::string> ChooseSharing(const SceneDescription& scene, FileSource& files,
+                                          FrameSettings* resolved) {
+  resolved->techniques = TechniqueSet::kCamera;
+  const absl::StatusOr<render::SharingMeasurement> measured =
+      render::MeasureSharing(scene, *resolved, files);
+  if (!measured.ok()) return measured.status();
+  resolved->techniques = measured->Best();
+  return absl::StrCat("techniques: ", resolved->techniques.Name(), "; ",
+                      render::FormatSharingMeasurement(*measured));
+}
+
+}  // namespace
+
 absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffort> effort,
-                                             const SceneDescription& scene, FileSource& files,
-                                             FrameSettings* resolved) {
+                                             bool may_share, const SceneDescription& scene,
+                                             FileSource& files, FrameSettings* resolved) {
   if (!effort) return std::string();
+  if (resolved->IsStereo()) return ChooseSharing(scene, files, resolved);
   const bool asked = *effort == render::TechniqueEffort::kAsked;
   if (!asked &&
       !render::MayMeasureUnasked(*resolved, render::EstimateMemory(scene, files).TotalBytes())) {
@@ -86,6 +116,20 @@ absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffo
   resolved->techniques = measured->Best();
   if (!asked && resolved->techniques == TechniqueSet::kCamera) return std::string();
   std::string line = render::FormatTechniqueMeasurement(*measured);
+  if (asked && may_share && render::MayShare(*resolved) && FitsSharing(*resolved)) {
+    const absl::StatusOr<render::SharingMeasurement> sharing =
+        render::MeasureSharing(scene, *resolved, files);
+    if (!sharing.ok()) return sharing.status();
+    // It has no other techniques beside it.
+    const TechniqueSet best = resolved->techniques;
+    const double others =
+        best == TechniqueSet::kCamera
+            ? 1
+            : render::kCombinationGainMin * measured->Gain(best.Without(Technique::kSplitting));
+    if (sharing->Gain() > others) resolved->techniques = sharing->Best();
+    absl::StrAppend(&line, "; chosen: ", resolved->techniques.Name(), ", as ",
+                    render::FormatSharingMeasurement(*sharing));
+  }
   if (!asked) absl::StrAppend(&line, "; --techniques camera keeps paths from the camera alone");
   return line;
 }

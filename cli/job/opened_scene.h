@@ -32,6 +32,9 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
 // A line that says so where the user's crop reaches beyond the image; else empty.
 std::string CropNote(const RenderSettings& settings, const FrameSettings& resolved);
 
+// The same for a file that was read, whose cameras may be those of two eyes.
+absl::StatusOr<FrameSettings> ResolveSettings(const ReadSceneResult& read, RenderSettings settings);
+
 struct OpenedScene {
   SceneFile file;
   FrameSettings settings;
@@ -44,8 +47,10 @@ ExitCode OpenScene(const JobArguments& arguments, OpenedScene* opened);
 // Returns a line that says so; empty where nothing was measured, or unasked and camera paths are
 // best. Unasked, frames that MayMeasureUnasked excludes keep theirs, and so do scenes that
 // cannot be compiled, which another check tells. Errors: as MeasureTechniques, where asked.
+// Where asked, and may_share, paths that count in several pixels are a choice, for frames that may
+// have them; the eyes of a stereo frame have no other.
 absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffort> effort,
-                                             const SceneDescription& scene, FileSource& files,
-                                             FrameSettings* resolved);
+                                             bool may_share, const SceneDescription& scene,
+                                             FileSource& files, FrameSettings* resolved);
 
 }  // namespace sheaf::cli

@@ -67,8 +67,8 @@ bool IsPhotometric(const std::string& path, const SceneDescription& scene) {
 // techniques: nothing is measured for these unasked.
 std::optional<render::TechniqueEffort> EffortFor(const JobArguments& arguments) {
   if (arguments.settings.measure_techniques) return render::TechniqueEffort::kAsked;
-  if (arguments.settings.eye_distance > 0 || arguments.settings.techniques ||
-      arguments.keep_camera_paths || arguments.stop.IsActive() || !arguments.resume_from.empty()) {
+  if (arguments.IsStereo() || arguments.settings.techniques || arguments.keep_camera_paths ||
+      arguments.stop.IsActive() || !arguments.resume_from.empty()) {
     return std::nullopt;
   }
   return render::TechniqueEffort::kUnasked;
@@ -77,7 +77,7 @@ std::optional<render::TechniqueEffort> EffortFor(const JobArguments& arguments) 
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
                                           const RenderSettings& settings,
                                           std::optional<render::TechniqueEffort> effort,
-                                          GltfInputs* gltf, FileDigests* digests,
+                                          bool may_share, GltfInputs* gltf, FileDigests* digests,
                                           InputChecks* checks) {
   absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
@@ -89,13 +89,13 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   for (const SceneDiagnostic& diagnostic : read.diagnostics) {
     result.diagnostics.push_back(diagnostic.text);
   }
-  absl::StatusOr<FrameSettings> resolved = ResolveSettings(read.scene, settings);
+  absl::StatusOr<FrameSettings> resolved = ResolveSettings(read, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
   if (const std::string note = CropNote(settings, *resolved); !note.empty()) {
     result.diagnostics.push_back(absl::StrCat(path, ": note: ", note));
   }
   const absl::StatusOr<std::string> techniques =
-      ChooseTechniques(effort, read.scene, *file->files, &*resolved);
+      ChooseTechniques(effort, may_share, read.scene, *file->files, &*resolved);
   if (!techniques.ok()) return techniques.status();
   if (!techniques->empty()) result.diagnostics.push_back(absl::StrCat(path, ": ", *techniques));
   if (resolved->outputs.HasIds()) {
@@ -243,8 +243,10 @@ absl::Status CheckSharedPaths(const JobArguments& arguments) {
                      ": images whose paths count in several pixels know no "
                      "--resume-from; remove it"));
   }
-  if (!(arguments.settings.eye_distance > 0)) return absl::OkStatus();
+  if (!arguments.IsStereo()) return absl::OkStatus();
   const std::pair<bool, const char*> refused[] = {
+      {arguments.settings.eye_distance > 0 && !arguments.gltf.right_camera.empty(),
+       "distance beside that of --right-camera"},
       {!arguments.resume_from.empty(), "--resume-from"},
       {arguments.format.exr.HasSeveralParts(), "--exr-parts multi"},
       {arguments.format.depth != ExrDepth::kRay, "--exr-depth plane"},
@@ -277,7 +279,7 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
 absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   const std::optional<TechniqueSet>& asked = arguments.settings.techniques;
   if (arguments.keep_camera_paths &&
-      (arguments.settings.eye_distance > 0 || (asked && ReachesFarPixels(*asked)))) {
+      (arguments.IsStereo() || (asked && ReachesFarPixels(*asked)))) {
     return absl::InvalidArgumentError(
         "--measure knows paths of one pixel; remove --stereo, and +sharing or "
         "+mutations of --techniques");
@@ -292,6 +294,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   GltfInputs gltf(arguments.gltf, arguments.size);
   RenderSettings settings = arguments.settings;
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
+  // Resumed images have no shared paths, and denoisers expect independent pixels.
+  const bool may_share = arguments.resume_from.empty() && arguments.denoise_with.empty();
   std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
   std::atomic<size_t> next{0};
   std::atomic<bool> failed{false};
@@ -304,7 +308,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
           results[i].emplace(ReadFrame(scene->Of(number), number, settings, EffortFor(arguments),
-                                       &gltf, &digests, &checks));
+                                       may_share, &gltf, &digests, &checks));
           if (!results[i]->ok()) failed = true;
         }
       });

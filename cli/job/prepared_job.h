@@ -68,6 +68,9 @@ struct JobArguments {
   int32_t cell_size_px = 0;
   uint64_t pass_sample_count = 0;
   uint64_t lease_pass_count = 0;
+
+  // Whether it renders two eyes.
+  bool IsStereo() const { return settings.eye_distance > 0 || !gltf.right_camera.empty(); }
 };
 
 struct PreparedFrame {

@@ -307,6 +307,21 @@ coordinator::CellGrid GridOf(const JobArguments& arguments, const FrameSettings&
   return {settings.window, tile_size_px, cell_size_px};
 }
 
+absl::StatusOr<std::vector<PilotOutput>> RenderAsPilot(FarmClient* client,
+                                                       const JobArguments& arguments,
+                                                       const PreparedJob& pilot,
+                                                       SteadyTime deadline) {
+  const absl::StatusOr<v1::Job> ended = RunPilot(client, arguments, pilot, deadline);
+  if (!ended.ok()) return ended.status();
+  std::vector<PilotOutput> outputs;
+  for (const v1::Frame& frame : ended->frames()) {
+    absl::StatusOr<FrameImage> image = FetchImage(client, frame);
+    if (!image.ok()) return image.status();
+    outputs.push_back({*std::move(image), Seconds(frame.progress().cpu_duration())});
+  }
+  return outputs;
+}
+
 absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
                                                             const JobArguments& arguments,
                                                             const PreparedJob& job,
@@ -328,13 +343,12 @@ absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,
     frame.settings.techniques = WithoutTraining(frame.settings.techniques);
   }
   if (pilot.frames.empty()) return images;
-  const absl::StatusOr<v1::Job> ended = RunPilot(client, arguments, pilot, deadline);
-  if (!ended.ok()) return ended.status();
-  for (const v1::Frame& frame : ended->frames()) {
-    absl::StatusOr<FrameImage> image = FetchImage(client, frame);
-    if (!image.ok()) return image.status();
-    images.push_back(*std::move(image));
-    *cpu_seconds += Seconds(frame.progress().cpu_duration());
+  absl::StatusOr<std::vector<PilotOutput>> rendered =
+      RenderAsPilot(client, arguments, pilot, deadline);
+  if (!rendered.ok()) return rendered.status();
+  for (PilotOutput& output : *rendered) {
+    images.push_back(std::move(output.image));
+    *cpu_seconds += output.cpu_seconds;
   }
   return images;
 }

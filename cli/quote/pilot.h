@@ -37,6 +37,18 @@ absl::StatusOr<std::vector<PilotFrame>> RenderPilots(
     FarmClient* client, const JobArguments& arguments, const PreparedJob& job,
     const std::optional<coordinator::ImageStart>& start, double target, SteadyTime deadline);
 
+// An image of a pilot, and what it cost.
+struct PilotOutput {
+  FrameImage image;
+  double cpu_seconds = 0;
+};
+// Renders the job's frames as a pilot: before all other jobs, without its stop rule. Errors: as
+// MakeQuote.
+absl::StatusOr<std::vector<PilotOutput>> RenderAsPilot(FarmClient* client,
+                                                       const JobArguments& arguments,
+                                                       const PreparedJob& pilot,
+                                                       SteadyTime deadline);
+
 // The images of DenoisedCrops of the job's first frame, with the denoised layers; adds their CPU
 // time to *cpu_seconds. Empty if the frame has no denoised output, or too few pixels.
 absl::StatusOr<std::vector<FrameImage>> RenderDenoisedCrops(FarmClient* client,

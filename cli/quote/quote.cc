@@ -10,6 +10,7 @@
 #include "cli/duration.h"
 #include "cli/quote/farm_size.h"
 #include "cli/quote/pilot.h"
+#include "cli/quote/sharing_pilot.h"
 #include "common/base/status.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/settings/path_shares.h"
@@ -239,12 +240,9 @@ QuoteRow RowOfMinutes(double minutes, const std::vector<QuoteRow>& targets,
 
 absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& arguments,
                                 const PreparedJob& job, const QuoteArguments& asked) {
-  if (arguments.settings.eye_distance > 0) {
-    return absl::UnimplementedError("what two eyes cost is not predicted");
-  }
-  if (arguments.settings.techniques && ReachesFarPixels(*arguments.settings.techniques)) {
-    return absl::UnimplementedError(
-        "what frames cost whose paths count in several pixels is not predicted");
+  const FrameSettings& settings = job.frames.front().settings;
+  if (MutatesPaths(settings.techniques)) {
+    return absl::UnimplementedError("what frames with mutations cost is not predicted");
   }
   Quote quote;
   const absl::StatusOr<std::optional<ImageStart>> start = ReadStart(arguments, job);
@@ -254,14 +252,21 @@ absl::StatusOr<Quote> MakeQuote(FarmClient* client, const JobArguments& argument
     return absl::UnavailableError("no worker is connected");
   }
   const double loosest = *std::max_element(asked.targets.begin(), asked.targets.end());
-  const absl::StatusOr<std::vector<PilotFrame>> frames =
-      RenderPilots(client, arguments, job, *start, loosest, SteadyTime::Now() + asked.wait_max);
+  const SteadyTime deadline = SteadyTime::Now() + asked.wait_max;
+  const bool shares = HasOneTile(settings);
+  absl::StatusOr<std::vector<PilotFrame>> frames = RenderPilots(
+      client, arguments, shares ? WithoutSharing(job) : job, *start, loosest, deadline);
   if (!frames.ok()) return frames.status();
+  if (shares) {
+    const absl::StatusOr<SharingGain> gain =
+        MeasureSharing(client, arguments, job, deadline, &*frames);
+    if (!gain.ok()) return gain.status();
+    quote.sharing = Quote::Sharing{gain->error_ratio, gain->cpu_ratio, settings.IsStereo()};
+  }
   const absl::StatusOr<std::vector<FrameImage>> crops = RenderDenoisedCrops(
       client, arguments, job, SteadyTime::Now() + asked.wait_max, &quote.pilot_cpu_seconds);
   if (!crops.ok()) return crops.status();
   if (!crops->empty()) quote.denoised = DenoisedErrors(*crops);
-  const FrameSettings& settings = job.frames.front().settings;
   quote.width_px = settings.window.Width();
   quote.height_px = settings.window.Height();
   quote.frame_count = static_cast<int>(job.frames.size());

@@ -11,6 +11,9 @@
 // price covers the remaining work. For a frame with --denoise, further rows have the cost of the
 // errors in the denoised layer (denoised_errors.h).
 //
+// The price of a stereo frame, or of one whose pixels share paths, is that of paths of one pixel
+// times what two small images tell (sharing_pilot.h); a target holds for the worse eye.
+//
 // The price of a frame with light paths includes its light passes, and that of a guided frame its
 // training (cost_forecast.h).
 #pragma once
@@ -62,6 +65,12 @@ struct Quote {
     double samples = 0, relative_mse = 0, light_passes = 0;
   };
   std::optional<Start> start;
+  // SharingGain, for frames whose paths count in several pixels.
+  struct Sharing {
+    double error_ratio = 1, cpu_ratio = 1;
+    bool is_stereo = false;
+  };
+  std::optional<Sharing> sharing;
   std::optional<DenoisedPilot> denoised;  // If the frames have the denoised output.
   std::vector<QuoteRow> rows;
 };

@@ -46,6 +46,19 @@ TEST(QuoteTest, TrainingsAreStated) {
   EXPECT_NE(FormatQuote(quote).find("of path guiding, once a frame; wall"), std::string::npos);
 }
 
+TEST(QuoteTest, SharedPathsAreStated) {
+  Quote quote = MakeTestQuote();
+  EXPECT_TRUE(nlohmann::json::parse(QuoteJson(quote))["sharing"].is_null());
+  quote.sharing = Quote::Sharing{0.5, 2.25, true};
+  EXPECT_NE(FormatQuote(quote).find("; errors are the worse eye's: 0.5 of the relMSE and 2.2 of "
+                                    "the CPU time of one eye alone"),
+            std::string::npos)
+      << FormatQuote(quote);
+  EXPECT_EQ(nlohmann::json::parse(QuoteJson(quote))["sharing"]["cpu_ratio"], 2.25);
+  quote.sharing->is_stereo = false;
+  EXPECT_NE(FormatQuote(quote).find("of paths of one pixel"), std::string::npos);
+}
+
 TEST(QuoteTest, TableHasARowPerErrorAndABasisLine) {
   Quote quote = MakeTestQuote();
   QuoteRow minutes = quote.rows[1];

@@ -62,6 +62,21 @@ Json HoursJson(const Banded& seconds) {
   return BandedJson({seconds.value / 3600, seconds.low / 3600, seconds.high / 3600});
 }
 
+std::string SharingText(const Quote::Sharing& sharing) {
+  const char* who = sharing.is_stereo ? "; errors are the worse eye's: " : "; paths are shared: ";
+  return absl::StrFormat(
+      "%s%.2g of the relMSE and %.2g of the CPU time of %s, by small images of the whole frame",
+      who, sharing.error_ratio, sharing.cpu_ratio,
+      sharing.is_stereo ? "one eye alone" : "paths of one pixel");
+}
+
+Json SharingJson(const Quote& quote) {
+  if (!quote.sharing) return nullptr;
+  return {{"error_ratio", quote.sharing->error_ratio},
+          {"cpu_ratio", quote.sharing->cpu_ratio},
+          {"stereo", quote.sharing->is_stereo}};
+}
+
 Json StartJson(const Quote& quote) {
   if (!quote.start) return nullptr;
   return {{"samples", quote.start->samples}, {"relative_mse", quote.start->relative_mse}};
@@ -80,6 +95,7 @@ std::string FormatQuote(const Quote& quote) {
     absl::StrAppendFormat(&text, ", %d frames, %d of them in the pilot", quote.frame_count,
                           quote.pilot_frame_count);
   }
+  if (quote.sharing) text += SharingText(*quote.sharing);
   if (quote.start) {
     absl::StrAppendFormat(&text, "; %.1f samples exist already, with an error of %s",
                           quote.start->samples, FormatBothErrors(quote.start->relative_mse));
@@ -135,6 +151,7 @@ std::string QuoteJson(const Quote& quote) {
                      {"pilot_cpu_hours", quote.pilot_cpu_seconds / 3600},
                      {"training_cpu_hours", quote.training_cpu_seconds / 3600},
                      {"start", StartJson(quote)},
+                     {"sharing", SharingJson(quote)},
                      {"denoised_gain", quote.denoised ? Json(quote.denoised->Gain()) : Json()},
                      {"band", 0.8},
                      {"rows", rows}};

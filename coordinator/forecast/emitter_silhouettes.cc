@@ -166,6 +166,11 @@ void EmitterSilhouettes::AddStretches(const EmitterColors& image, int32_t shrink
   }
 }
 
+void EmitterSilhouettes::JoinCells() {
+  for (Place& place : stretches_) place.cell = 0;
+  for (Pixel& pixel : pixels_) pixel.place.cell = 0;
+}
+
 double EmitterSilhouettes::LengthPx() const {
   return stretch_px_ * static_cast<double>(stretches_.size());
 }

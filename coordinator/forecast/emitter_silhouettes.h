@@ -52,6 +52,8 @@ class EmitterSilhouettes {
                      const FilterDescription& filter, const PixelRect& window,
                      const std::function<size_t(int32_t x, int32_t y)>& cell_of);
 
+  // Moves all silhouettes to the first cell, for a frame that has no others.
+  void JoinCells();
   bool empty() const { return stretches_.empty() && pixels_.empty(); }
   // Total length of the silhouettes in the small image, in pixels of the frame.
   double LengthPx() const;

@@ -12,7 +12,7 @@ import unittest
 
 import farm
 from one_image_case import OneImageCase
-from stereo_test import SCENE
+from stereo_test import SCENE, quoted, rendered_cpu_seconds
 
 SHARING = ("--techniques", "camera+sharing+views")
 SMALL = ("--pass-samples", 4, "--lease-passes", 1)
@@ -62,12 +62,18 @@ class SharingTest(OneImageCase):
         expected = self.rendered("rounds", *rule)
         self.assertEqual(self.rendered("rounds", *rule, "--threads", 2), expected)
 
+    def test_a_quote_is_right(self):
+        price = quoted(self.scene, 1e-3, *SHARING)
+        cpu = rendered_cpu_seconds(self.scene, self.path("q"), 1e-3, *SHARING)
+        self.assertLess(price["low"] / 2, cpu)
+        self.assertLess(cpu, 2 * price["high"])
+
     def test_other_commands_refuse_it(self):
-        for command in (("study",), ("plan", "--measure"), ("quote", "--local")):
+        for command in (("study",), ("plan", "--measure")):
             with self.subTest(command=command):
                 with self.assertRaises(subprocess.CalledProcessError) as refused:
                     farm.local(command[0], self.scene, *SHARING, *command[1:])
-                self.assertRegex(refused.exception.stderr, "paths of one pixel|is not predicted")
+                self.assertRegex(refused.exception.stderr, "paths of one pixel")
 
     def test_what_shares_no_paths_is_refused(self):
         for flags in ((*SHARING, "--crop", "0,0,8,8"), (*SHARING, "--aov", "uv"),

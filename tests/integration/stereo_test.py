@@ -10,11 +10,19 @@ run.
 import json
 import os
 import random
+import re
+import shutil
+import subprocess
 import tempfile
 import time
 import unittest
 
 import farm
+
+try:
+    import OpenImageIO
+except ImportError:
+    OpenImageIO = None
 
 # A rough ball and a glass one in front of a wall, lit by a sphere and a sky.
 SCENE = '''Film "rgb" "integer xresolution" 32 "integer yresolution" 28
@@ -48,6 +56,21 @@ SMALL = ("--pass-samples", 4, "--lease-passes", 1)
 SAMPLES = 42  # Not a multiple of 16: the last passes are those of few replicates.
 JOB = ("--samples", SAMPLES, *STEREO)
 KILLS = 3
+
+
+def quoted(scene, target, *arguments):
+    """The price that a quote says, in CPU seconds."""
+    quote = json.loads(farm.local("quote", scene, "--local", "--targets", target, "--json",
+                                  *arguments))
+    row = next(row for row in quote["rows"] if row["target_error"] == target)
+    return {key: 3600 * value for key, value in row["cpu_hours"].items()}
+
+
+def rendered_cpu_seconds(scene, path, target, *arguments):
+    """The price of a frame with the target."""
+    text = farm.render(scene, path, "--target-error", target, "--json",
+                       *arguments).stdout
+    return json.loads(text.splitlines()[-1])["progress"]["cpu_duration_seconds"]
 
 
 class StereoTest(unittest.TestCase):
@@ -95,6 +118,47 @@ class StereoTest(unittest.TestCase):
                      b"\0albedo.right.R\0", b"\0stderr.right.B\0"):
             self.assertIn(name, header)
 
+    def view_means(self):
+        """The mean of G in the left view and in the right one, as OpenImageIO reads them."""
+        image = OpenImageIO.ImageBuf(self.path("expected"))
+        names = image.spec().channelnames
+        pixels = image.get_pixels(OpenImageIO.FLOAT)
+        return [float(pixels[..., names.index(name)].mean()) for name in ("G", "right.G")]
+
+    @unittest.skipUnless(OpenImageIO, "no python3-openimageio")
+    def test_openimageio_finds_both_views(self):
+        spec = OpenImageIO.ImageBuf(self.path("expected")).spec()
+        self.assertEqual(tuple(spec.getattribute("multiView")), ("left", "right"))
+        left, right = self.view_means()
+        self.assertNotEqual(left, right)
+
+    @unittest.skipUnless(shutil.which("oiiotool"), "no oiiotool: Debian's openimageio-tools")
+    def test_oiiotool_finds_both_views(self):
+        text = subprocess.run(["oiiotool", "--info", "-v", self.path("expected")], check=True,
+                              capture_output=True, text=True).stdout
+        self.assertRegex(text, "multiView: .*left.*right")
+        self.assertIn("right.G", text)
+
+    @unittest.skipUnless(shutil.which("exrheader"), "no exrheader: Debian's openexr")
+    def test_openexr_finds_both_views(self):
+        text = subprocess.run(["exrheader", self.path("expected")], check=True,
+                              capture_output=True, text=True).stdout
+        self.assertRegex(text, r"multiView \(type stringvector\):\s+left\s+right")
+
+    @unittest.skipUnless(OpenImageIO and shutil.which("blender"),
+                         "no Blender, or no python3-openimageio")
+    def test_blender_finds_both_views(self):
+        script = os.path.join(os.path.dirname(os.path.abspath(__file__)), "views_in_blender.py")
+        text = subprocess.run(
+            ["blender", "-b", "--factory-startup", "--python-exit-code", "3", "--python", script,
+             "--", self.path("expected"), self.folder.name, "32", "28"],
+            env={"HOME": self.folder.name, "PATH": os.environ["PATH"]}, check=True,
+            capture_output=True, text=True).stdout
+        found = re.findall(r"^VIEW (\w+) (\S+)$", text, re.M)
+        self.assertEqual([name for name, _ in found], ["left", "right"], text)
+        for (_, mean), expected in zip(found, self.view_means()):
+            self.assertAlmostEqual(float(mean) / expected, 1, places=4)
+
     def test_workers_of_which_one_is_killed(self):
         with farm.Farm(["--lease-seconds", "2"]) as f:
             for _ in range(3):
@@ -126,6 +190,24 @@ class StereoTest(unittest.TestCase):
         rule = ("--target-error", "3e-3", "--samples", 512, *STEREO)
         expected = self.rendered("rounds", *rule)
         self.assertEqual(self.rendered("rounds", *rule, "--threads", 2), expected)
+
+    def test_the_target_holds_for_the_worse_eye(self):
+        farm.render(self.scene, self.path("worse"), "--target-error", "3e-3", "--samples", 4096,
+                    *STEREO)
+        found = json.loads(farm.local("show", self.path("worse"), "--json"))["metadata"]
+        left, right = (float(found[f"{eye}EyeRelativeMse"]) for eye in ("left", "right"))
+        difference = float(found["eyeDifferenceRelativeMse"])
+        self.assertEqual(float(found["relativeMse"]), max(left, right))
+        self.assertEqual(found["stopReason"], "target-error")
+        self.assertLessEqual(max(left, right), 3e-3)
+        self.assertLess(difference, left + right)
+        self.assertIn("relMSE of their difference", farm.local("show", self.path("worse")))
+
+    def test_a_quote_is_right(self):
+        price = quoted(self.scene, 1e-3, *STEREO)
+        cpu = rendered_cpu_seconds(self.scene, self.path("q"), 1e-3, *STEREO)
+        self.assertLess(price["low"] / 2, cpu)
+        self.assertLess(cpu, 2 * price["high"])
 
     def test_refinement_continues(self):
         with farm.Farm() as f:

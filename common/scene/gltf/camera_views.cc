@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/nearest_name.h"
@@ -121,6 +123,42 @@ int CameraNode(const tinygltf::Model& model, const std::vector<int>& shown, cons
   return first;
 }
 
+// Two cameras beside each other may deviate by this: a fraction of their distance, an angle (rad)
+// or a ratio. Exporters write numbers of seven digits.
+constexpr double kEyeDeviationMax = 1e-3;
+
+// The place of `right` in the space of the camera `left`; empty where they do not look alike.
+std::optional<Vec3d> PlaceBeside(const Matrix4& left, const Matrix4& right) {
+  Vec3d place;
+  for (size_t axis = 0; axis < 3; ++axis) {
+    Vec3d of_left, of_right, away;
+    for (size_t row = 0; row < 3; ++row) {
+      of_left[row] = left.m[row][axis];
+      of_right[row] = right.m[row][axis];
+      away[row] = right.m[row][3] - left.m[row][3];
+    }
+    if (Length(of_left - of_right) > kEyeDeviationMax) return std::nullopt;
+    place[axis] = Dot(of_left, away);
+  }
+  return place;
+}
+
+// Moves the camera, which is the left eye's, halfway to the right one; returns their distance.
+double JoinEyes(const Matrix4& right_start, const Matrix4& right_end, TransformOverTime* camera) {
+  double distance = 0;
+  for (auto [left, right] :
+       {std::pair{&camera->start, &right_start}, std::pair{&camera->end, &right_end}}) {
+    const std::optional<Vec3d> place = PlaceBeside(*left, *right);
+    if (!place || !(place->x > 0) || std::hypot(place->y, place->z) > kEyeDeviationMax * place->x ||
+        (distance > 0 && std::fabs(place->x - distance) > kEyeDeviationMax * distance)) {
+      return 0;
+    }
+    distance = place->x;
+    for (auto& row : left->m) row[3] += 0.5 * distance * row[0];
+  }
+  return distance;
+}
+
 }  // namespace
 
 void Bounds::Add(Vec3d p) {
@@ -130,21 +168,45 @@ void Bounds::Add(Vec3d p) {
   }
 }
 
-void SetCameraOf(const tinygltf::Model& model, const std::vector<int>& shown, const GltfView& view,
-                 const std::vector<Matrix4>& start, const std::vector<Matrix4>& end,
-                 const Bounds& bounds, Diagnostics* diagnostics, SceneDescription* scene) {
+float SetCameraOf(const tinygltf::Model& model, const std::vector<int>& shown, const GltfView& view,
+                  const std::vector<Matrix4>& start, const std::vector<Matrix4>& end,
+                  const Bounds& bounds, Diagnostics* diagnostics, SceneDescription* scene) {
   scene->camera.location = scene->film.location = kFile;
-  const int node = CameraNode(model, shown, view.camera, diagnostics);
+  const auto node = CameraNode(model, shown, view.camera, diagnostics);
   if (node < 0) {
     if (view.camera.empty()) Frame(bounds, view, diagnostics, scene);
-    return;
+    return 0;
   }
-  const int index = model.nodes[static_cast<size_t>(node)].camera;
-  const tinygltf::Camera& source = model.cameras[static_cast<size_t>(index)];
-  const std::string what = Named("camera", index, source.name);
-  if (!SetProjection(source, view, what, diagnostics, scene)) return;
-  scene->camera.world_from_camera.start = WorldFromCamera(start[static_cast<size_t>(node)]);
-  scene->camera.world_from_camera.end = WorldFromCamera(end[static_cast<size_t>(node)]);
+  const auto camera_of = [&](int n) -> const tinygltf::Camera& {
+    return model.cameras[static_cast<size_t>(model.nodes[static_cast<size_t>(n)].camera)];
+  };
+  const tinygltf::Camera& source = camera_of(node);
+  const std::string what =
+      Named("camera", model.nodes[static_cast<size_t>(node)].camera, source.name);
+  if (!SetProjection(source, view, what, diagnostics, scene)) return 0;
+  TransformOverTime& place = scene->camera.world_from_camera;
+  place.start = WorldFromCamera(start[static_cast<size_t>(node)]);
+  place.end = WorldFromCamera(end[static_cast<size_t>(node)]);
+  if (view.right_camera.empty()) return 0;
+  const auto right = CameraNode(model, shown, view.right_camera, diagnostics);
+  if (diagnostics->HasErrors()) return 0;
+  const tinygltf::Camera& other = camera_of(right);
+  const double angle = source.perspective.yfov;
+  const bool is_alike = source.type == "perspective" && other.type == source.type &&
+                        std::fabs(other.perspective.yfov - angle) <= kEyeDeviationMax * angle;
+  const double distance = is_alike
+                              ? JoinEyes(WorldFromCamera(start[static_cast<size_t>(right)]),
+                                         WorldFromCamera(end[static_cast<size_t>(right)]), &place)
+                              : 0;
+  if (!(distance > 0)) {
+    diagnostics->Error(
+        kFile,
+        absl::StrCat(what, " and the camera \"", view.right_camera,
+                     "\" are not two eyes: both must be perspective, with the same angle and "
+                     "direction, and the second to the right of the first; give one camera, "
+                     "and --stereo"));
+  }
+  return static_cast<float>(distance);
 }
 
 }  // namespace sheaf::gltf

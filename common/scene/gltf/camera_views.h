@@ -23,9 +23,11 @@ struct Bounds {
 
 // Sets camera and film for the view: the camera that it names, else the first that is shown, else
 // one that looks at all of `bounds`, with a note. start and end: world matrices of the nodes when
-// the shutter opens and closes.
-void SetCameraOf(const tinygltf::Model& model, const std::vector<int>& shown, const GltfView& view,
-                 const std::vector<Matrix4>& start, const std::vector<Matrix4>& end,
-                 const Bounds& bounds, Diagnostics* diagnostics, SceneDescription* scene);
+// the shutter opens and closes. If the view has a camera for the right eye, the camera is halfway
+// between both; returns their distance in the camera's space, otherwise 0. Both must look in the
+// same direction from places beside each other, since the eyes of a stereo frame do.
+float SetCameraOf(const tinygltf::Model& model, const std::vector<int>& shown, const GltfView& view,
+                  const std::vector<Matrix4>& start, const std::vector<Matrix4>& end,
+                  const Bounds& bounds, Diagnostics* diagnostics, SceneDescription* scene);
 
 }  // namespace sheaf::gltf

@@ -54,9 +54,11 @@ class Builder {
         placements_max_(limits.placements_max),
         placements_left_(limits.placements_max) {}
 
-  void Build() {
+  // Returns ReadSceneResult::eye_distance.
+  float Build() {
     AddAll();
     skipped_.Report(diagnostics_);
+    return eye_distance_;
   }
   void MakeDispersive() { materials_.MakeDispersive(); }
 
@@ -86,8 +88,8 @@ class Builder {
     if (scene_->shapes.empty() && !diagnostics_->HasErrors()) {
       diagnostics_->Warning(kFile, "shows no mesh");
     }
-    SetCameraOf(model_, tree->shown(), view_, world_start_, world_end_, bounds_, diagnostics_,
-                scene_);
+    eye_distance_ = SetCameraOf(model_, tree->shown(), view_, world_start_, world_end_, bounds_,
+                                diagnostics_, scene_);
     scene_->sampling.samples_per_pixel = kDefaultSamples;
     scene_->sampling.max_depth = kDefaultDepth;
     scene_->sampling.sampler = "zsobol";
@@ -95,10 +97,8 @@ class Builder {
   }
 
   TransformOverTime PlaceOf(int node) const {
-    TransformOverTime place;
-    place.start = world_start_[static_cast<size_t>(node)];
-    place.end = world_end_[static_cast<size_t>(node)];
-    return place;
+    const auto n = static_cast<size_t>(node);
+    return {.start = world_start_[n], .end = world_end_[n]};
   }
 
   // Meshes and lights of other scenes of the file.
@@ -316,10 +316,9 @@ class Builder {
       numbers[i] = *std::move(read);
       const size_t found = numbers[i].size() / widths[i];
       if (found > kGltfInstancesMax || (count != 0 && found != count)) {
-        diagnostics_->Error(kFile, absl::StrCat(what,
-                                                " has instances of unequal counts, or more "
-                                                "than ",
-                                                kGltfInstancesMax, "; export it again"));
+        diagnostics_->Error(kFile,
+                            absl::StrCat(what, " has instances of unequal counts, or more than ",
+                                         kGltfInstancesMax, "; export it again"));
         return false;
       }
       count = found;
@@ -421,6 +420,7 @@ class Builder {
   std::map<std::tuple<int, size_t, UvSets>, int32_t> mesh_indices_;
   std::vector<Bounds> mesh_bounds_;  // As SceneDescription::meshes.
   Bounds bounds_;
+  float eye_distance_ = 0;
 };
 
 }  // namespace
@@ -438,7 +438,7 @@ absl::StatusOr<ReadSceneResult> ReadGltf(const std::string& main_file, FileSourc
   if (!warning.empty()) diagnostics.Note(gltf::kFile, warning);
   const SceneReaderLimits fitting = gltf::LimitsFor(**model, main_file, files, limits);
   gltf::Builder builder(**model, main_file, &files, view, fitting, &diagnostics, &result.scene);
-  builder.Build();
+  result.eye_distance = builder.Build();
   gltf::AddEnvironment(view.environment, main_file, &files, &diagnostics, &result.scene);
   if (absl::Status status = diagnostics.ToStatus(); !status.ok()) return status;
   AddPrincipledMedia(&result.scene, &diagnostics);

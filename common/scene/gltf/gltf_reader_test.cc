@@ -278,6 +278,39 @@ TEST(GltfReaderTest, CamerasAndLights) {
   EXPECT_THAT(Read(File(rest), tip).status().message(), HasSubstr("did you mean \"Top\""));
 }
 
+TEST(GltfReaderTest, TwoCamerasAreTheEyesOfAStereoFrame) {
+  const auto file = [](const std::string& right, const std::string& angle = "0.8") {
+    return File(absl::StrCat(R"("materials": [{}], "cameras": [
+      {"name": "L", "type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}},
+      {"name": "R", "type": "perspective", "perspective": {"znear": 0.1, "yfov": )",
+                             angle, R"(}}],
+      "nodes": [{"mesh": 0}, {"camera": 0, "translation": [1, 2, 5]}, {"camera": 1, )",
+                             right, R"(}], "scenes": [{"nodes": [0, 1, 2]}])"));
+  };
+  GltfView eyes;
+  eyes.camera = "L";
+  eyes.right_camera = "R";
+  const auto read = Read(file(R"("translation": [1.0625, 2, 5])"), eyes);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->eye_distance, 0.0625f);
+  EXPECT_DOUBLE_EQ(read->scene.camera.world_from_camera.start.m[0][3], 1.03125);
+  EXPECT_DOUBLE_EQ(read->scene.camera.world_from_camera.end.m[0][3], 1.03125);
+  EXPECT_DOUBLE_EQ(read->scene.camera.world_from_camera.start.m[1][3], 2);
+  const auto why_not = [&](const std::string& text) {
+    return std::string(Read(text, eyes).status().message());
+  };
+  for (const std::string& text :
+       {file(R"("translation": [0.9, 2, 5])"), file(R"("translation": [1.1, 2.1, 5])"),
+        file(R"("translation": [1.1, 2, 5], "rotation": [0, 0.1, 0, 0.995])"),
+        file(R"("translation": [1.1, 2, 5])", "0.9")}) {
+    EXPECT_THAT(why_not(text), HasSubstr("are not two eyes"));
+  }
+  eyes.right_camera = "Right";
+  EXPECT_THAT(why_not(file(R"("translation": [1.1, 2, 5])")),
+              HasSubstr("there is no camera \"Right\""));
+  EXPECT_EQ(Read(file(R"("translation": [1.1, 2, 5])"))->eye_distance, 0);
+}
+
 std::string FileWithImage(const std::string& uri) {
   return File(absl::StrCat(R"("images": [{"uri": ")", uri, R"("}], "textures": [{"source": 0}],
     "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],

@@ -44,6 +44,7 @@ std::string EncodeGltfView(const GltfView& view) {
     if (!value.empty()) absl::StrAppend(&text, key, " ", value, "\n");
   };
   add("camera", view.camera);
+  add("right_camera", view.right_camera);
   add("animation", view.animation);
   // 17 digits give back the same number.
   if (view.time_s != 0) add("time", absl::StrFormat("%.17g", view.time_s));
@@ -67,6 +68,8 @@ absl::StatusOr<GltfView> DecodeGltfView(const std::string& text) {
     bool ok = true;
     if (key == "camera") {
       view.camera = value;
+    } else if (key == "right_camera") {
+      view.right_camera = value;
     } else if (key == "animation") {
       view.animation = value;
     } else if (key == "time") {

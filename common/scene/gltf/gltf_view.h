@@ -14,7 +14,9 @@
 namespace sheaf {
 
 struct GltfView {
-  std::string camera;     // Name of a camera or of its node; empty: the first, or one of our own.
+  std::string camera;  // Name of a camera or of its node; empty: the first, or one of our own.
+  // Likewise, for the right eye of a stereo frame; `camera` is the left one's. Empty: one eye.
+  std::string right_camera = {};
   std::string animation;  // Name of an animation; empty: the first, with those that go with it.
   double time_s = 0;      // Time of the animation at which the shutter opens.
   double shutter_s = 0;   // For how long it is open.

@@ -8,7 +8,8 @@ namespace sheaf {
 namespace {
 
 TEST(GltfViewTest, ReadsWhatItWrites) {
-  const GltfView view{"Main camera", "walk", 1.0 / 3, 1.0 / 48, "sky.pfm", 640, 480};
+  const GltfView view{"Main camera", "Right camera", "walk", 1.0 / 3,
+                      1.0 / 48,      "sky.pfm",      640,    480};
   const auto read = DecodeGltfView(EncodeGltfView(view));
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(*read, view);

@@ -18,6 +18,9 @@ namespace sheaf {
 struct ReadSceneResult {
   SceneDescription scene;
   std::vector<SceneDiagnostic> diagnostics;  // Notes and warnings; errors make the call fail.
+  // How far apart the two eyes are that were asked for by cameras, in the units of the camera's
+  // space; the camera is halfway. 0: one camera.
+  float eye_distance = 0;
 };
 
 // Reads main_file (canonical name, normally just its file name) in the pbrt-v4 format, with all

@@ -45,9 +45,6 @@ absl::Status MakeStereo(const SceneDescription& scene, const RenderSettings& set
   if (resolved->width_px > std::numeric_limits<int32_t>::max() / 2) {
     return Refused("two films of this width are too wide");
   }
-  if (settings.measure_techniques) {
-    return Refused("eyes share paths from the camera alone; use --techniques camera");
-  }
   if (!settings.techniques) resolved->techniques = TechniqueSet::kCamera;
   resolved->eye_distance = settings.eye_distance;
   resolved->eye_convergence = settings.eye_convergence;

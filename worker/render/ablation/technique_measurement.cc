@@ -280,8 +280,9 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
                                                        FileSource& files, TechniqueEffort effort) {
   const auto measure = [&](uint64_t samples, double training_fraction,
                            bool thorough) -> absl::StatusOr<TechniqueMeasurement> {
-    absl::StatusOr<PilotRenderer> renderer = PilotRenderer::Make(
-        scene, settings, PilotSizeOf(settings, samples, training_fraction), files);
+    absl::StatusOr<PilotRenderer> renderer =
+        PilotRenderer::Make(scene, settings, PilotSizeOf(settings, samples, training_fraction),
+                            PilotFilter::kBox, files);
     if (!renderer.ok()) return renderer.status();
     const bool may_merge = effort == TechniqueEffort::kAsked;  // It is biased.
     return MeasurePilots(settings, may_merge, thorough, &*renderer);

@@ -113,7 +113,9 @@ FrameSettings PilotSettings(const FrameSettings& frame, const PilotSize& size) {
   FrameSettings pilot = frame;
   const double scale = std::min(
       1.0, static_cast<double>(size.longer_side_px) / std::max(frame.width_px, frame.height_px));
-  pilot.width_px = std::max(1, static_cast<int32_t>(std::lround(frame.width_px * scale)));
+  const int32_t eyes = frame.IsStereo() ? 2 : 1;
+  pilot.width_px =
+      eyes * std::max(1, static_cast<int32_t>(std::lround(frame.width_px * scale / eyes)));
   pilot.height_px = std::max(1, static_cast<int32_t>(std::lround(frame.height_px * scale)));
   pilot.window = {0, 0, pilot.width_px, pilot.height_px};
   pilot.samples = size.pixel_samples;
@@ -125,6 +127,7 @@ FrameSettings PilotSettings(const FrameSettings& frame, const PilotSize& size) {
 }
 
 double RayCostOf(TechniqueSet techniques) {
+  if (SharesPaths(techniques)) return kSharingRayCost;
   const double of_product = ChoosesByProduct(techniques) ? kProductRayCost : 1;
   if (IsGuided(techniques)) return of_product * kGuidedRayCost;
   return of_product * (LearnsLights(techniques) ? kLearnedLightsRayCost : 1);
@@ -232,10 +235,12 @@ double FrameSamples(const FrameSettings& frame) {
 
 absl::StatusOr<PilotRenderer> PilotRenderer::Make(SceneDescription scene,
                                                   const FrameSettings& frame, const PilotSize& size,
-                                                  FileSource& files) {
-  scene.filter = {};
-  scene.filter.kind = FilterDescription::Kind::kBox;
-  scene.filter.radius_x_px = scene.filter.radius_y_px = 0.5f;
+                                                  PilotFilter filter, FileSource& files) {
+  if (filter == PilotFilter::kBox) {
+    scene.filter = {};
+    scene.filter.kind = FilterDescription::Kind::kBox;
+    scene.filter.radius_x_px = scene.filter.radius_y_px = 0.5f;
+  }
   const bool has_glossy_surfaces = MayHaveGlossySurfaces(scene);
   absl::StatusOr<ChangeableScenePtr> compiled =
       CompileChangeableScene(std::move(scene), PilotSettings(frame, size), files);

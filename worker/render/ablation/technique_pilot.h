@@ -27,6 +27,9 @@ namespace sheaf::render {
 inline constexpr double kLightRayCost = 1.5, kGuidedRayCost = 1.3, kLearnedLightsRayCost = 1.1;
 // The same for paths that choose lights by product, with the sketches of their vertices.
 inline constexpr double kProductRayCost = 1.1;
+// The same for paths that count in several pixels: with equal rays, nine scenes took 1.1 to 1.5
+// times the CPU time (docs/sharing.md).
+inline constexpr double kSharingRayCost = 1.35;
 // Products are measured in scenes with more lights than this and a glossy surface.
 inline constexpr uint32_t kProductLightsMin = 32;
 // Samples of the smallest and of the largest image.
@@ -53,6 +56,10 @@ double FrameSamples(const FrameSettings& frame);
 // Mean luminance of the samples of a replicate.
 using PilotReplicates = std::array<double, kReplicateCount>;
 
+// kBox: one of a pixel, so that techniques have equal pixels. kScene: the scene's, through which
+// pixels share paths.
+enum class PilotFilter { kBox, kScene };
+
 // By pixel.
 struct Pilot {
   std::vector<PilotReplicates> means;
@@ -76,7 +83,8 @@ class PilotRenderer {
  public:
   // Errors: as CompileScene.
   static absl::StatusOr<PilotRenderer> Make(SceneDescription scene, const FrameSettings& frame,
-                                            const PilotSize& size, FileSource& files);
+                                            const PilotSize& size, PilotFilter filter,
+                                            FileSource& files);
   const FrameSettings& settings() const { return SettingsOf(*scene_); }
   // Whether the scene has lights to choose among.
   bool ChoosesLights() const;

@@ -91,18 +91,21 @@ std::string SharingNote(const SceneDescription& scene, bool by_views, bool world
   const CameraDescription& camera = scene.camera;
   const std::string note = "sharing: paths count in all pixels whose filters cover them";
   if (!by_views) return note;
+  const char* const still =
+      world_moves ? "; times of the shutter share none, as more than the camera moves" : "";
   const bool through_lens = camera.IsRealistic() || camera.lens_radius > 0;
   const bool camera_moves =
       camera.world_from_camera.IsAnimated() && camera.shutter_close > camera.shutter_open;
   const bool over_shutter = camera_moves && !world_moves;
   if (!through_lens && !over_shutter) {
     return absl::StrCat(note, "; views: none share paths, as the camera has no lens and ",
-                        camera_moves ? "is not all that moves" : "does not move");
+                        camera_moves ? "is not all that moves" : "does not move",
+                        camera_moves ? "" : still);
   }
-  return absl::StrCat(note, "; views: up to 8 points of the ", through_lens ? "lens" : "",
-                      through_lens && over_shutter ? " and the " : "",
-                      over_shutter ? "shutter" : "",
-                      " share the paths that begin at rough surfaces", UnsharedMaterials(scene));
+  return absl::StrCat(
+      note, "; views: up to 8 points of the ", through_lens ? "lens" : "",
+      through_lens && over_shutter ? " and the " : "", over_shutter ? "shutter" : "",
+      " share the paths that begin at rough surfaces", UnsharedMaterials(scene), still);
 }
 
 void NoteSharedPaths(const SceneDescription& scene, const FrameSettings& settings, bool world_moves,

@@ -73,7 +73,7 @@ TEST(SpecularSurfacesTest, PlansSayWhichViewsShare) {
   EXPECT_EQ(SharingNote(scene, true, true),
             by_filter +
                 "; views: up to 8 points of the lens share the paths that begin at rough "
-                "surfaces");
+                "surfaces; times of the shutter share none, as more than the camera moves");
   scene.camera.lens_radius = 0;
   scene.camera.shutter_close = 1;
   scene.camera.world_from_camera.end = TranslateMatrix({1, 0, 0});
