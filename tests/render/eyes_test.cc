@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "common/film/error/mean_interval.h"
+#include "common/film/film.h"
 #include "tests/support/technique_agreement.h"
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
@@ -262,6 +264,61 @@ TEST(EyesTest, CoverageAndDepthAreAsAlone) {
         }
       }
     }
+  }
+}
+
+// --- Errors --------------------------------------------------------------------------------------
+
+// Renders of one scene with different seeds: in each pixel, 95 % intervals about the values of each
+// eye and of their difference cover the mean of the other renders.
+TEST(EyesTest, IntervalsOfEyesAndOfTheirDifferenceCoverTheTruth) {
+  constexpr int32_t kCoveredPx = 8;
+  constexpr size_t kRenders = 48;
+  constexpr double kOthers = kRenders - 1;
+  const TestScene test = Diffuse(kColored);
+  std::vector<FrameImage> images;
+  for (size_t i = 0; i < kRenders; ++i) {
+    FrameSettings settings = StereoSettings(kCoveredPx, 256);
+    settings.seed = 500 + i;
+    const CompiledScenePtr scene = Compile(test.scene, settings);
+    images.push_back(MakeFrameImage(settings.window, settings.width_px, settings.height_px));
+    AddEyeDifference(&images.back());
+    DevelopTile(RenderAll(*scene), &images.back());
+  }
+  const auto value_of = [&](const FrameImage& image, int what, size_t c, size_t p) {
+    const auto& plane = image.planes[c];
+    const double left = plane[p], right = plane[p + kCoveredPx];
+    return what == 0 ? left : what == 1 ? right : left - right;
+  };
+  const auto error_of = [&](const FrameImage& image, int what, size_t c, size_t p) {
+    const std::string component(1, "RGB"[c]);
+    if (what == 2) return double{(*image.Find(kEyeDifferenceLayer + ("." + component)))[p]};
+    const auto shift = static_cast<size_t>(what * kCoveredPx);
+    return double{(*image.Find("stderr." + component))[p + shift]};
+  };
+  const double quantile = StudentQuantile975(15) * std::sqrt(1 + 1 / kOthers);
+  for (int what = 0; what < 3; ++what) {
+    double covered = 0, count = 0, variance = 0, told = 0;
+    for (size_t c = 0; c < 3; ++c) {
+      for (size_t at = 0; at < size_t{kCoveredPx} * kCoveredPx; ++at) {
+        const size_t p = at / kCoveredPx * 2 * kCoveredPx + at % kCoveredPx;
+        double sum = 0;
+        for (const FrameImage& image : images) sum += value_of(image, what, c, p);
+        for (const FrameImage& image : images) {
+          const double value = value_of(image, what, c, p), error = error_of(image, what, c, p);
+          const double off = value - (sum - value) / kOthers;
+          covered += std::fabs(off) <= quantile * error ? 1 : 0;
+          variance += off * off / (1 + 1 / kOthers);
+          told += error * error;
+          ++count;
+        }
+      }
+    }
+    const char* const names[] = {"left eye", "right eye", "difference"};
+    std::printf("%s: coverage %.4f, told over true variance %.3f\n", names[what], covered / count,
+                told / variance);
+    EXPECT_GE(covered / count, 0.93) << names[what];
+    EXPECT_LE(covered / count, 0.97) << names[what];
   }
 }
 
