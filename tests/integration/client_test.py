@@ -122,7 +122,7 @@ class ClientTest(ClientCase):
         text = self.expect(run("plan", scene, "--techniques", "auto"), OK).stdout
         for words in ("camera+light+guiding", "+splitting", "+merging", "--measure shows"):
             self.assertIn(words, text)
-        self.assertNotIn("--measure", self.expect(run("plan", scene), OK).stdout)
+        self.assertNotIn("techniques: auto", self.expect(run("plan", scene), OK).stdout)
         plan = self.expect(run("plan", scene, "--techniques", "auto", "--json"), OK).stdout
         self.assertIs(json.loads(plan)["techniques_are_measured"], True)
 
