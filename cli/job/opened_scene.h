@@ -32,7 +32,7 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
 // A line that says so where the user's crop reaches beyond the image; else empty.
 std::string CropNote(const RenderSettings& settings, const FrameSettings& resolved);
 
-// The same for a file that was read, whose cameras may be those of two eyes.
+// As ResolveSettings of the scene; cameras of the file may be those of two eyes.
 absl::StatusOr<FrameSettings> ResolveSettings(const ReadSceneResult& read, RenderSettings settings);
 
 struct OpenedScene {
