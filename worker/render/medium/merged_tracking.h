@@ -73,12 +73,15 @@ class MergedTracking {
       return false;
     };
     internal::TentativeCollisions collisions(stream_);
+    Components control_depth{};
     bool is_done = false;
     while (!is_done && Next()) {
-      is_done = Pass(&collisions, segment_.t0, segment_.t1, Range::kFromZero, collides);
+      is_done = Pass(&collisions, segment_.t0, segment_.t1, Range::kOfCollisions, collides);
+      AddControl(found.tracked.collides ? found.tracked.t : segment_.t1, Range::kOfCollisions,
+                 &control_depth);
     }
-    found.tracked.weight =
-        MakeColor<Color>([&](size_t c) { return static_cast<float>(weight[c]); });
+    found.tracked.weight = MakeColor<Color>(
+        [&](size_t c) { return static_cast<float>(weight[c] * Exp(-control_depth[c])); });
     return found;
   }
 
@@ -88,15 +91,7 @@ class MergedTracking {
     ratio_.fill(1);
     internal::TentativeCollisions collisions(stream_);
     while (Next()) {
-      const double length = segment_.t1 - segment_.t0;
-      for (const MergedMedium::Entry& entry : segment_.entries) {
-        const double lower = LowerOf(entry);
-        if (!(lower > 0)) continue;
-        const Coefficients& its = Of(entry.member);
-        for (size_t c = 0; c < kComponents; ++c) {
-          control_depth[c] += its.relative[c] * its.sigma_max * lower * length;
-        }
-      }
+      AddControl(segment_.t1, Range::kFromLower, &control_depth);
       if (PassRatio(&collisions, segment_.t0, segment_.t1, Range::kFromLower)) return {};
     }
     return MakeColor<Color>(
@@ -130,7 +125,9 @@ class MergedTracking {
  private:
   static constexpr size_t kComponents = kComponentCount<Color>;
   using Components = std::array<double, kComponents>;
-  enum class Range { kFromZero, kFromLower };  // The densities that tentative collisions cover.
+  // The densities that tentative collisions cover: from 0, or from the lower bound, whose effect is
+  // known; kOfCollisions: from 0 for media that scatter.
+  enum class Range { kFromZero, kFromLower, kOfCollisions };
   struct Coefficients {
     double sigma_max = 0;
     Components relative;
@@ -147,12 +144,22 @@ class MergedTracking {
     ++tally_->segment_count;
     return true;
   }
-  double LowerOf(const MergedMedium::Entry& entry) const {
-    return tally_->bound_factor != 1 ? 0 : double{entry.bounds.lower};
+  DensityBounds BoundsOf(const MergedMedium::Entry& entry, Range range) {
+    const bool is_from_zero = range == Range::kFromZero || tally_->bound_factor != 1 ||
+                              (range == Range::kOfCollisions && Of(entry.member).scatters);
+    return {is_from_zero ? 0 : entry.bounds.lower, entry.bounds.upper * tally_->bound_factor};
   }
-  DensityBounds BoundsOf(const MergedMedium::Entry& entry, Range range) const {
-    return {range == Range::kFromZero ? 0 : static_cast<float>(LowerOf(entry)),
-            entry.bounds.upper * tally_->bound_factor};
+  // Adds the optical depth below the range, from the segment's beginning to t.
+  void AddControl(double t, Range range, Components* depth) {
+    for (const MergedMedium::Entry& entry : segment_.entries) {
+      const double lower = BoundsOf(entry, range).lower;
+      // From 0 there is nothing below the range.
+      if (!(lower > 0)) continue;
+      const Coefficients& its = Of(entry.member);
+      for (size_t c = 0; c < kComponents; ++c) {
+        (*depth)[c] += its.relative[c] * its.sigma_max * lower * (t - segment_.t0);
+      }
+    }
   }
   const Coefficients& Of(uint32_t member) {
     std::optional<Coefficients>& its = coefficients_[member];
