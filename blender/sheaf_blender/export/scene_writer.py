@@ -37,9 +37,10 @@ class SceneWriter:
 
     def write(self, geometries, moved):
         """moved: a motion.Motion; None without motion blur."""
-        for name, other in inside_of.overlaps(geometries):
-            self._report.approximated(f'object "{name}"', f'its volume and that of "{other}" meet: '
-                                      "one of them counts where Cycles has both")
+        # Media add up, unless the surfaces name the world's outside.
+        for name, other in inside_of.overlaps(geometries) if self._around else ():
+            self._report.approximated(f'object "{name}"', f'its volume and that of "{other}" meet '
+                                      "in the world's: one of them counts where Cycles has both")
         for geometry in (placed for each in geometries for placed in placed_nodes.by_place(each)):
             if not geometry.parts and not geometry.strands and geometry.medium_grid is None:
                 continue

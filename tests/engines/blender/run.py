@@ -43,7 +43,8 @@ FINDINGS = (
     "film_transparent", "film_exposure", "layer_override", "layer_without_sky", "spot_scaled",
     "grouped", "negative_lamps", "negative_in_group", "held_out", "dark_shine",
     "invisible_ones",
-    "image_turned", "image_turned_back", "volumes_in_fog", "closed_room", "shells", "unclipped",
+    "image_turned", "image_turned_back", "volumes_in_fog", "volumes_that_meet", "closed_room",
+    "shells", "unclipped",
     "shutter_curve", "lamps_in_view", "lamp_around_all", "sun_in_view", "area_spread",
     "spot_soft")
 PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",

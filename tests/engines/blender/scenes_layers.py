@@ -125,6 +125,10 @@ def volumes_in_fog(b):
         b.cube(kind, Matrix.Translation((x, 0, 1.2)) @ Matrix.Scale(0.9, 4),
                volume(b, kind, kind, Color=color, Density=0.3))
     lamp(b, (-2, -2, 4), 600.0)
+    fill_world(b)
+
+
+def fill_world(b):
     tree = b.scene.world.node_tree
     fog = tree.nodes.new("ShaderNodeVolumeScatter")
     fog.inputs["Color"].default_value = (0.9, 0.7, 0.5, 1)
@@ -133,10 +137,16 @@ def volumes_in_fog(b):
 
 
 def volumes_that_meet(b):
+    """They add up."""
     room(b)
     for size in (0.9, 0.5):
         b.cube(f"Fog {size}", Matrix.Translation((2, 0, 1.2)) @ Matrix.Scale(size, 4),
                volume(b, f"Fog {size}", Color=(0.8, 0.8, 0.8, 1), Density=size))
+
+
+def volumes_that_meet_in_fog(b):
+    volumes_that_meet(b)
+    fill_world(b)
 
 
 def dark_shine(b):
