@@ -403,7 +403,7 @@ class RestTest(unittest.TestCase):
         fraction, line = program.progress_text({"name": "jobs/1", "progress": {
             "sample_count_done": 1, "sample_count_total": 4, "relative_mse": 0.01,
             "remaining_duration_seconds": 3.0}})
-        self.assertEqual((fraction, line), (0.25, "jobs/1: 25 %, relMSE 0.01, 3 s left"))
+        self.assertEqual((fraction, line), (0.25, "jobs/1: 25 %, error ±10 %, 3 s left"))
         self.assertGreater(jobs.PREVIEW_SECONDS_MIN, 0)
 
 

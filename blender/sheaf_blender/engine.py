@@ -302,7 +302,7 @@ def job_options(scene, view_layer):
     own = scene.sheaf
     found = (["--samples", str(samples_of(scene, view_layer))] if own.stop == "SAMPLES" else [])
     if own.stop == "ERROR":
-        found = ["--target-error", f"{own.target_error:.6g}"]
+        found = ["--target-error", f"{own.target_error_percent:.6g}%"]
     if own.techniques != "default":
         found += ["--techniques", own.techniques]
     return found + own.more_options.split()

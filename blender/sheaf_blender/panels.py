@@ -40,7 +40,7 @@ class SHEAF_PT_render(_Panel, bpy.types.Panel):
         if own.where == "FARM":
             column.prop(own, "address")
         column.prop(own, "stop")
-        column.prop(own, "samples" if own.stop == "SAMPLES" else "target_error")
+        column.prop(own, "samples" if own.stop == "SAMPLES" else "target_error_percent")
         for name in ("max_depth", "techniques", "seed", "filter_type", "filter_width",
                      "more_options"):
             column.prop(own, name)

@@ -41,10 +41,10 @@ class SheafSettings(bpy.types.PropertyGroup):
         name="Coordinator", description="HOST:PORT; empty: that of the preferences")
     stop: bpy.props.EnumProperty(name="Until", items=(
         ("SAMPLES", "Samples", "The same number of samples for all pixels"),
-        ("ERROR", "Error", "Until the relMSE of the image is at most this")), default="SAMPLES")
+        ("ERROR", "Error", "Until a pixel is off by at most this, in the root mean square")),
+        default="SAMPLES")
     samples: bpy.props.IntProperty(name="Samples", min=1, max=65536, default=128)
-    target_error: bpy.props.FloatProperty(name="Error (relMSE)", min=1e-6, max=1, default=0.01,
-                                          precision=4)
+    target_error_percent: bpy.props.FloatProperty(name="Error (%)", min=0.1, max=100, default=10)
     max_depth: bpy.props.IntProperty(name="Bounces", min=0, max=100, default=12)
     seed: bpy.props.IntProperty(name="Seed", min=0, default=0)
     techniques: bpy.props.EnumProperty(name="Techniques", items=[

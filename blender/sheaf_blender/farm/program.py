@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs the program `sheaf`, reads its JSON, and ends it in an orderly way."""
 import json
+import math
 import os
 import queue
 import shutil
@@ -159,7 +160,7 @@ def progress_text(job):
     fraction = progress["sample_count_done"] / total if total else 0.0
     text = f"{job['name']}: {100 * fraction:.0f} %"
     if progress.get("relative_mse") is not None:
-        text += f", relMSE {progress['relative_mse']:.2g}"
+        text += f", error ±{100 * math.sqrt(progress['relative_mse']):.2g} %"
     if progress.get("remaining_duration_seconds"):
         text += f", {progress['remaining_duration_seconds']:.0f} s left"
     if job.get("waiting_reason"):
