@@ -8,6 +8,7 @@
 #include <string>
 
 #include "cli/commands/command.h"
+#include "cli/commands/error_option.h"
 #include "cli/commands/options.h"
 #include "cli/image/comparison_report.h"
 #include "cli/image/tone_map.h"
@@ -55,8 +56,11 @@ class CompareCommand : public Command {
     command->add_option("--diff", diff_path_,
                         "Write IMAGE - REFERENCE (.exr), or its absolute value (.png)");
     command
-        ->add_option("--tolerance", tolerance_,
-                     "Exit with 1 if relMSE is larger; 0 also requires identical bits")
+        ->add_option(
+            "--tolerance", tolerance_,
+            "Exit with 1 if relMSE is larger, or the typical error of a pixel, as in 1%; 0 "
+            "also requires identical bits")
+        ->transform(PercentAsRelativeMse())
         ->check(InRange(0.0));
     command->add_flag("--hdr-flip", hdr_flip_,
                       "Also print how different they look over all exposures (HDR-FLIP; slow)");

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/commands/command.h"
+#include "cli/commands/error_option.h"
 #include "cli/commands/local_farm.h"
 #include "cli/commands/options.h"
 #include "cli/interruption.h"
@@ -31,8 +32,11 @@ class QuoteCommand : public Command {
     AddFramesOption(command, &arguments_);
     AddResumeOption(command, &arguments_);
     AddPartitionOptions(command, &arguments_);
-    command->add_option("--targets", asked_.targets, "Errors (relMSE) to quote, 0.1,0.05,...")
+    command
+        ->add_option("--targets", asked_.targets,
+                     "Errors to quote, as for --target-error: 20%,10%, or relMSE, 0.04,0.01")
         ->delimiter(',')
+        ->transform(PercentAsRelativeMse())
         ->check(InRange(1e-9, 1e3))
         ->capture_default_str();
     command
@@ -57,10 +61,10 @@ class QuoteCommand : public Command {
     command->footer(
         "Examples:\n"
         "  sheaf quote room.pbrt\n"
-        "  sheaf quote room.pbrt --local --targets 0.02,0.01\n"
+        "  sheaf quote room.pbrt --local --targets 15%,10%\n"
         "  sheaf quote room.pbrt --minutes 10,60\n"
         "  sheaf quote 'shot.####.pbrt' --frames 1-240 --json\n"
-        "  sheaf quote room.pbrt --resume-from room.exr --targets 0.005\n"
+        "  sheaf quote room.pbrt --resume-from room.exr --targets 7%\n"
         "An error is the typical error of a pixel, the root of relMSE, before denoising. With\n"
         "--denoise, further rows say what it costs in the denoised layer.\n"
         "A pilot renders a few of the pixels, at no more than 3 % of the price of the loosest\n"

@@ -204,8 +204,10 @@ void PrintFile(const std::string& path, const FrameImage& image, bool json) {
       std::printf("estimated %-7s %s\n", name, FormatBothErrors(relative_mse).c_str());
     }
   }
-  if (const auto found = image.metadata.find("flip"); found != image.metadata.end()) {
-    std::printf("estimated %-7s %s\n", "FLIP", Printable(found->second).c_str());
+  double flip = 0;
+  if (const auto found = image.metadata.find("flip");
+      found != image.metadata.end() && absl::SimpleAtod(found->second, &flip)) {
+    std::printf("estimated %-7s %.2g\n", "FLIP", flip);
   }
   const auto curve = image.metadata.find(coordinator::kErrorCurveKey);
   if (curve == image.metadata.end()) return;

@@ -706,6 +706,8 @@ class ClientTest(ClientCase):
             self.assertEqual(f.read(8), b"\x89PNG\r\n\x1a\n")
         self.expect(run("compare", few, few, "--tolerance", 0), OK)
         self.expect(run("compare", more, few, "--tolerance", 0), FAILED)
+        self.expect(run("compare", more, few, "--tolerance", "300%"), OK)
+        self.expect(run("compare", more, few, "--tolerance", "0.01%"), FAILED)
 
     def test_names_of_the_page(self):
         def status(host):

@@ -107,7 +107,7 @@ class QuotedTechniquesTest(unittest.TestCase):
             for techniques in ("camera+light", "camera+light+guiding"):
                 flags = (scene, "--techniques", techniques, "--json")
                 quote, rows = quote_rows(farm.local("quote", *flags, "--local",
-                                                    "--targets", "0.05,0.025"))
+                                                    "--targets", "25%,0.025"))
                 out = farm.local("render", *flags, "--target-error", 0.025, "-o",
                                  os.path.join(folder, "room.exr"))
                 frame = json.loads(out.splitlines()[-1])["frames"][0]
