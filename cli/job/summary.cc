@@ -113,10 +113,14 @@ std::string FormatStop(const v1::Frame& frame) {
 }
 
 // The warning concerns the pixels of such tiles; the error of the whole image already includes
-// them. It matters where the frame was to stop at an error.
+// them. It matters where the frame was to stop at an error, or where layers that tell the cause
+// were asked for.
 std::string FormatReliability(const v1::Frame& frame, Detail detail) {
   if (frame.unreliable_tile_count() == 0) return "";
-  if (detail == Detail::kShort && frame.spec().stop().target_error() <= 0) return "";
+  if (detail == Detail::kShort && frame.spec().stop().target_error() <= 0 &&
+      frame.unreliable_layers().empty()) {
+    return "";
+  }
   std::string text = absl::StrFormat(
       "; %d of %d tiles contain fireflies, so error bars of their pixels may be "
       "too small: more samples help",

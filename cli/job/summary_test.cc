@@ -75,6 +75,11 @@ TEST(SummaryTest, ReportsUnreliableTilesAndTheirCause) {
     return FormatImageSummary(frame, {"out.exr", ""}, detail);
   };
   EXPECT_EQ(text(Detail::kShort).find("fireflies"), std::string::npos);
+  // Where the frame was to stop at an error, fireflies decide whether to trust that it did.
+  v1::Frame stopped = frame;
+  stopped.mutable_spec()->mutable_stop()->set_target_error(0.01);
+  EXPECT_NE(FormatImageSummary(stopped, {"out.exr", ""}, Detail::kShort).find("fireflies"),
+            std::string::npos);
   EXPECT_NE(text(Detail::kAll)
                 .find("; 12 of 64 tiles contain fireflies, so error bars of their pixels may be "
                       "too small: more samples help (--light-paths or sheaf study identify the "
@@ -85,8 +90,6 @@ TEST(SummaryTest, ReportsUnreliableTilesAndTheirCause) {
     count->set_layer(layer);
     count->set_tile_count(tiles);
   }
-  // Where the frame was to stop at an error, fireflies decide whether to trust that it did.
-  frame.mutable_spec()->mutable_stop()->set_target_error(0.01);
   EXPECT_NE(text(Detail::kShort)
                 .find("more samples help; main cause: caustic (9 tiles), then indirect (3 tiles)"),
             std::string::npos);

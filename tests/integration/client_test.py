@@ -644,7 +644,7 @@ class ClientTest(ClientCase):
         """The room's glass ball casts a caustic on the floor that few samples reach."""
         scene = os.path.join(farm.ROOT, "scenes/cornell-box.pbrt")
         size = ("--crop", "120,240,320,400", "--samples", 16)
-        plain = farm.render(scene, self.farm.path("plain.exr"), *size)
+        plain = farm.render(scene, self.farm.path("plain.exr"), *size, "--verbose")
         self.assertIn("--light-paths or sheaf study identify the light responsible", plain.stderr)
         done = farm.render(scene, self.farm.path("paths.exr"), *size, "--light-paths", "--json")
         self.assertRegex(done.stderr, r"main cause: .*caustic \([0-9]+ tiles?\)")

@@ -27,7 +27,8 @@ class OutputTest(ClientCase):
         done = farm.render(scene, whole, *job)
         self.assertNotIn("no worker", done.stderr)
         self.assertNotIn("uploading", done.stderr)
-        self.assertRegex(done.stderr, re.escape(whole) + r": 48x32, 2048 samples, ")
+        self.assertIn(": 48x32, 2048 samples\n", done.stderr)
+        self.assertIn(f"written to {whole}\n", done.stderr)
 
         command = [os.path.join(farm.programs(), "sheaf"), "render", scene, "-o", kept,
                    "--keep-state", self.farm.path("kept state"), *map(str, job)]
