@@ -670,7 +670,7 @@ class ClientTest(ClientCase):
             return json.loads(done.stdout.splitlines()[-1])["frames"][0]["one_sequence_gain"]
         render("true.exr", "--samples", 2048, "--one-sequence", "--seed", 9)
         # Passes short enough that its error curve has intermediate points.
-        apart = render("apart.exr", "--samples", 512)
+        apart = render("apart.exr", "--samples", 512, "--verbose")
         whole = render("whole.exr", "--samples", 512, "--one-sequence")
         measured = error("apart.exr") / error("whole.exr")
         self.assertGreater(measured, 1.1)

@@ -9,15 +9,14 @@ run.
 """
 import json
 import os
-import random
 import re
 import shutil
 import subprocess
-import tempfile
 import time
 import unittest
 
 import farm
+from one_image_case import OneImageCase
 
 try:
     import OpenImageIO
@@ -73,34 +72,8 @@ def rendered_cpu_seconds(scene, path, target, *arguments):
     return json.loads(text.splitlines()[-1])["progress"]["cpu_duration_seconds"]
 
 
-class StereoTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        seed = int(os.environ.get("SHEAF_SEED", time.time_ns() % 1_000_000))
-        print(f"SHEAF_SEED={seed}", flush=True)
-        cls.random = random.Random(seed)
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.scene = os.path.join(cls.folder.name, "balls.pbrt")
-        with open(cls.scene, "w", encoding="utf-8") as f:
-            f.write(SCENE)
-        cls.expected = cls.rendered("expected", *JOB)
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
-    @classmethod
-    def path(cls, name):
-        return os.path.join(cls.folder.name, name + ".exr")
-
-    @classmethod
-    def rendered(cls, name, *arguments):
-        farm.render(cls.scene, cls.path(name), *arguments)
-        return farm.image_digest(cls.path(name))
-
-    def finished(self, f, job):
-        f.sheaf("watch", job, "-o", self.path("farmed"))
-        return farm.image_digest(self.path("farmed"))
+class StereoTest(OneImageCase):
+    SCENE_NAME, SCENE_TEXT, JOB = "balls.pbrt", SCENE, JOB
 
     def test_in_one_process(self):
         for arguments in (SMALL, ("--pass-samples", 64), ("--tile-size", 8, "--threads", 3)):
@@ -201,7 +174,7 @@ class StereoTest(unittest.TestCase):
         self.assertEqual(found["stopReason"], "target-error")
         self.assertLessEqual(max(left, right), 3e-3)
         self.assertLess(difference, left + right)
-        self.assertIn("relMSE of their difference", farm.local("show", self.path("worse")))
+        self.assertIn("error of their difference", farm.local("show", self.path("worse")))
 
     def test_a_quote_is_right(self):
         price = quoted(self.scene, 1e-3, *STEREO)

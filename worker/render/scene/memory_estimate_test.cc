@@ -59,7 +59,7 @@ TEST(MemoryEstimateTest, CountsVolumes) {
 TEST(MemoryEstimateTest, LargeFilesOfVolumesCouldBePaged) {
   MemoryEstimate estimate;
   estimate.volume_bytes = estimate.unpaged_bytes = uint64_t{3} << 30;
-  EXPECT_THAT(PageFileNote(estimate), HasSubstr("3 GiB of these: sheaf pack"));
+  EXPECT_THAT(PageFileNote(estimate), HasSubstr("3.0 GiB of these: sheaf pack"));
   estimate.unpaged_bytes = uint64_t{1} << 20;
   EXPECT_EQ(PageFileNote(estimate), "");
 }
