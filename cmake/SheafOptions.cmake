@@ -22,7 +22,7 @@ set(SHEAF_UNJOINED_TARGETS "" CACHE STRING "Targets that compile each source alo
 set(SHEAF_TEST_TIME_SCALE 1 CACHE STRING "What the time limits of tests are multiplied by")
 set(SHEAF_SANITIZE "" CACHE STRING "Sanitizers, as for -fsanitize= (address,undefined or thread)")
 set(SHEAF_VARIANTS "all" CACHE STRING
-  "Variants of the renderer: all, or generic for builds by sanitizers, whose images are the same")
+  "Variants of the renderer: all, or generic for builds that are made often, with the same images")
 set(SHEAF_MARCH "x86-64-v3" CACHE STRING "Instruction set; part of the numeric profile")
 
 find_program(SHEAF_CCACHE ccache)

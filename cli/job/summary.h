@@ -20,8 +20,8 @@ enum class Detail { kShort, kAll };
 //     12.3 s, error ±4.6 % (relMSE 0.0021)
 //     written to out.exr
 //
-// Unknown items are omitted. A biased image is marked as such. Without a target error, fireflies
-// are named by kAll only.
+// Unknown items are omitted. A biased image is marked as such. Without a target error, or layers
+// that tell the cause of fireflies, these are named by kAll only.
 std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths, Detail detail);
 // "jobs/7: 3 frames, 12.3 s, error ±4.6 % (relMSE 0.0021)": the same over all frames.
 std::string FormatJobSummary(const v1::Job& job, Detail detail);

@@ -147,7 +147,7 @@ inline constexpr uint32_t kCloudTraits =
   X("generic", ::sheaf::render::kAllTraits)
 
 #ifdef SHEAF_GENERIC_VARIANTS_ONLY
-// Sanitizers take minutes for each variant.
+// SHEAF_VARIANTS=generic. Compilers take long for each variant, those of sanitizers minutes.
 #define SHEAF_RENDER_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
 #define SHEAF_LIGHT_PATH_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
 #define SHEAF_MUTATION_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
