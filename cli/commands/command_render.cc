@@ -110,8 +110,7 @@ class RenderCommand : public Command {
       ReportError(code, saved);
       if (ended->state() == v1::Job::STATE_SUCCEEDED) return code;
     }
-    return ReportEnd(*ended, /*images_written=*/true, RemedyText(farm, *ended),
-                     arguments_.verbose ? Detail::kAll : Detail::kShort);
+    return ReportEnd(*ended, /*images_written=*/true, RemedyText(farm, *ended), arguments_.detail);
   }
 
   // The command that renders the missing images of a failed or cancelled job. Finished work on them

@@ -26,6 +26,7 @@
 #include "cli/image/terminal_image.h"
 #include "cli/image/view_transform.h"
 #include "cli/job/job_json.h"
+#include "cli/job/summary.h"
 #include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/memory_room.h"
@@ -63,11 +64,8 @@ void PrintFrame(const v1::Frame& frame) {
       100 * FractionDone(frame.progress()), error > 0 ? FormatPixelError(error).c_str() : "- ",
       frame.flip() > 0 ? absl::StrFormat("%.4f", frame.flip()).c_str() : "-",
       frame.complete() ? frame.image_digest().substr(0, 16).c_str() : "-");
-  if (frame.left_eye_relative_mse() <= 0 && frame.right_eye_relative_mse() <= 0) return;
-  std::printf("%8s error of the left eye %s, the right %s, their difference %s\n", "",
-              FormatPixelError(frame.left_eye_relative_mse()).c_str(),
-              FormatPixelError(frame.right_eye_relative_mse()).c_str(),
-              FormatPixelError(frame.eye_difference_relative_mse()).c_str());
+  const std::string eyes = FormatEyeErrors(frame);
+  if (!eyes.empty()) std::printf("%8s %s\n", "", eyes.c_str());
 }
 
 // Prints the tasks of a frame that are set aside, why, and the command that gets a failed one.

@@ -177,8 +177,9 @@ void AddDenoiserOption(CLI::App* command, JobArguments* arguments) {
 }
 
 void AddVerboseFlag(CLI::App* command, JobArguments* arguments) {
-  command->add_flag("--verbose", arguments->verbose,
-                    "Results also have rates, FLIP and the causes of noise");
+  command->add_flag_callback(
+      "--verbose", [arguments] { arguments->detail = Detail::kAll; },
+      "Results also have rates, FLIP and the causes of noise");
 }
 
 constexpr char kTechniquesOption[] = "--techniques";

@@ -170,7 +170,7 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
   if (!patterns.ok()) return patterns.status();
   Delivery delivery{{}, std::move(view), arguments.format, "", arguments.denoise_with};
   delivery.png_layer = arguments.png_layer;
-  delivery.detail = arguments.verbose ? Detail::kAll : Detail::kShort;
+  delivery.detail = arguments.detail;
   if (IsGltfName(arguments.scene)) {
     delivery.black_advice = "; --environment names an image of a glTF scene's surroundings";
   }
@@ -238,7 +238,7 @@ absl::StatusOr<Delivery> MakeDelivery(JobArguments arguments, const v1::Job& job
                       .view = std::move(view),
                       .format = {},
                       .options = "",
-                      .detail = arguments.verbose ? Detail::kAll : Detail::kShort};
+                      .detail = arguments.detail};
     }
     return absl::InvalidArgumentError(
         "--denoise-with adds a layer to an image that is written: name it, as in -o room.exr");

@@ -38,6 +38,10 @@ struct StopArguments {
 };
 using coordinator::kStoppedSamplesMax;
 
+// The detail of printed results. kAll adds what few users need: rates, FLIP, fireflies, and the
+// gain of one sequence.
+enum class Detail { kShort, kAll };
+
 // The arguments that submit and render share.
 struct JobArguments {
   // A path, or a pattern with #### if frames is given (frame_range.h); for a glTF file always a
@@ -50,8 +54,8 @@ struct JobArguments {
   ViewArguments view;        // The view that PNGs show.
   ImageFormat format;        // For EXRs.
   std::string denoise_with;  // A command, as for AddExternalLayer; empty: none.
-  bool verbose = false;      // Results have all details.
-  std::string title;         // Empty: the scene's file name.
+  Detail detail = Detail::kShort;
+  std::string title;  // Empty: the scene's file name.
   int32_t priority = 0;
   std::string show;  // Empty: the default one.
   std::string pool;  // The same.

@@ -43,15 +43,6 @@ std::string FormatCosts(const v1::Progress& progress, double flip, bool rendered
   return text;
 }
 
-// The errors of the eyes of a stereo frame, of which the frame's is the larger.
-std::string FormatEyes(const v1::Frame& frame) {
-  if (frame.left_eye_relative_mse() <= 0 && frame.right_eye_relative_mse() <= 0) return "";
-  return absl::StrCat("; error ", FormatPixelError(frame.left_eye_relative_mse()),
-                      " of the left eye, ", FormatPixelError(frame.right_eye_relative_mse()),
-                      " of the right, ", FormatPixelError(frame.eye_difference_relative_mse()),
-                      " of their difference");
-}
-
 // Whether all of its samples were rendered by this job, and none came with an image.
 bool IsRendered(const v1::Frame& frame) { return !frame.spec().has_resumed_image(); }
 
@@ -165,15 +156,25 @@ std::string FormatBias(const v1::FrameSettings& settings) {
 
 }  // namespace
 
+std::string FormatEyeErrors(const v1::Frame& frame) {
+  if (frame.left_eye_relative_mse() <= 0 && frame.right_eye_relative_mse() <= 0) return "";
+  return absl::StrCat("error ", FormatPixelError(frame.left_eye_relative_mse()),
+                      " of the left eye, ", FormatPixelError(frame.right_eye_relative_mse()),
+                      " of the right, ", FormatPixelError(frame.eye_difference_relative_mse()),
+                      " of their difference");
+}
+
 std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths, Detail detail) {
   const v1::FrameSettings& settings = frame.spec().settings();
   const v1::PixelRect& window = settings.window();
-  return absl::StrCat(
-      "frame ", frame.spec().frame_number(), ": ", window.x1_px() - window.x0_px(), "x",
-      window.y1_px() - window.y0_px(), ", ", FormatSamples(frame), FormatBias(settings), kNextLine,
-      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame), detail), FormatEyes(frame),
-      FormatStop(frame), FormatReliability(frame, detail), FormatOneSequence(frame, detail),
-      kNextLine, "written to ", paths.exr, paths.png.empty() ? "" : " and ", paths.png);
+  const std::string eyes = FormatEyeErrors(frame);
+  return absl::StrCat("frame ", frame.spec().frame_number(), ": ", window.x1_px() - window.x0_px(),
+                      "x", window.y1_px() - window.y0_px(), ", ", FormatSamples(frame),
+                      FormatBias(settings), kNextLine,
+                      FormatCosts(frame.progress(), frame.flip(), IsRendered(frame), detail),
+                      eyes.empty() ? "" : "; ", eyes, FormatStop(frame),
+                      FormatReliability(frame, detail), FormatOneSequence(frame, detail), kNextLine,
+                      "written to ", paths.exr, paths.png.empty() ? "" : " and ", paths.png);
 }
 
 std::string FormatJobSummary(const v1::Job& job, Detail detail) {

@@ -11,9 +11,6 @@
 
 namespace sheaf::cli {
 
-// kAll adds what few users need: rates, FLIP, fireflies, and the gain of one sequence.
-enum class Detail { kShort, kAll };
-
 // Three lines: what was rendered, its cost and accuracy, and where it is.
 //
 //   frame 1: 640x360, 128 samples
@@ -23,6 +20,9 @@ enum class Detail { kShort, kAll };
 // Unknown items are omitted. A biased image is marked as such. Without a target error, or layers
 // that tell the cause of fireflies, these are named by kAll only.
 std::string FormatImageSummary(const v1::Frame& frame, const ImagePaths& paths, Detail detail);
+// "error ±19 % of the left eye, ±18 % of the right, ±27 % of their difference"; empty unless the
+// frame is a complete stereo frame.
+std::string FormatEyeErrors(const v1::Frame& frame);
 // "jobs/7: 3 frames, 12.3 s, error ±4.6 % (relMSE 0.0021)": the same over all frames.
 std::string FormatJobSummary(const v1::Job& job, Detail detail);
 
