@@ -31,6 +31,11 @@ endfunction()
 function(sheaf_list_test)
   cmake_parse_arguments(T "LAST;SCRIPT;OPTIONAL" "NAME;LABEL;CASES;NEEDS;GIVES;SKIPPED" "COMMAND;ENVIRONMENT"
     ${ARGN})
+  list(GET T_COMMAND 0 program)
+  if(program MATCHES "[.](py|sh|mjs)$")
+    message(FATAL_ERROR "test ${T_NAME}: the command starts with the script ${program}, not with an "
+      "interpreter; set the variable that names the interpreter above this test")
+  endif()
   sheaf_json_list(command ${T_COMMAND})
   sheaf_json_list(environment ${T_ENVIRONMENT})
   string(TOLOWER "\"last\": ${T_LAST}, \"script\": ${T_SCRIPT}, \"optional\": ${T_OPTIONAL}, \
