@@ -11,9 +11,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "common/base/log.h"
 #include "common/base/printable.h"
 #include "common/image/image_io.h"
 #include "common/scene/named_as_in_scene.h"
+#include "common/volume/grid_names.h"
 #include "common/volume/volume_file.h"
 
 namespace sheaf::cli {
@@ -64,10 +66,23 @@ std::vector<NamedFile> FilesNamed(const SceneDescription& scene) {
   return files;
 }
 
+// Says which grid is read where the file gives one name to several.
+void NoteSharedName(const std::string& where, const NamedFile& named,
+                    const std::vector<VolumeFileEntry>& entries) {
+  const std::string second = volume::NumberedName(named.grid, 1);
+  if (std::ranges::none_of(entries, [&](const auto& entry) { return entry.name == second; })) {
+    return;
+  }
+  LogWarning(absl::StrCat(where, ": ", named.file, ": several grids are named \"", named.grid,
+                          "\"; the first is read, and \"", second, "\" names the second"));
+}
+
 // Reads the grid only if that fails, or if the file is small.
-absl::Status CheckVolume(const NamedFile& named, const std::string& path) {
+absl::Status CheckVolume(const std::string& where, const NamedFile& named,
+                         const std::string& path) {
   const absl::StatusOr<std::vector<VolumeFileEntry>> entries = ListVolumeFile(named.file, path);
   if (!entries.ok()) return entries.status();
+  NoteSharedName(where, named, *entries);
   const auto entry = std::find_if(entries->begin(), entries->end(),
                                   [&](const VolumeFileEntry& e) { return e.name == named.grid; });
   std::error_code error;
@@ -77,8 +92,9 @@ absl::Status CheckVolume(const NamedFile& named, const std::string& path) {
   return ReadVolumeGrid(named.file, path, named.grid).status();
 }
 
-absl::Status ReadAsFarAsNeeded(const NamedFile& named, const std::string& path) {
-  if (named.kind == NamedFile::Kind::kVolumeFile) return CheckVolume(named, path);
+absl::Status ReadAsFarAsNeeded(const std::string& where, const NamedFile& named,
+                               const std::string& path) {
+  if (named.kind == NamedFile::Kind::kVolumeFile) return CheckVolume(where, named, path);
   const bool is_light = named.kind == NamedFile::Kind::kLightFile;
   const absl::Status status =
       CheckImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
@@ -106,14 +122,15 @@ absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files
     const absl::StatusOr<std::string> path = files.LocalPath(named.file);
     if (!path.ok()) return path.status();
     const bool is_light = named.kind == NamedFile::Kind::kLightFile;
+    const std::string where =
+        Printable(absl::StrCat(FormatLocation(scene, named.location), ": ", named.use));
     const absl::Status status =
-        Once({*path, named.grid, is_light}, [&] { return ReadAsFarAsNeeded(named, *path); });
+        Once({*path, named.grid, is_light}, [&] { return ReadAsFarAsNeeded(where, named, *path); });
     // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
     // file.
     if (status.ok() || absl::IsFailedPrecondition(status)) continue;
-    errors.push_back(
-        Printable(absl::StrCat(FormatLocation(scene, named.location), ": ", named.use, ": ",
-                               status.message(), "; replace the file or remove it")));
+    errors.push_back(absl::StrCat(where, ": ", Printable(std::string(status.message())),
+                                  "; replace the file or remove it"));
   }
   return errors.empty() ? absl::OkStatus()
                         : absl::InvalidArgumentError(absl::StrJoin(errors, "\n"));

@@ -12,6 +12,7 @@
 #include "common/image/image_io.h"
 #include "common/scene/pbrt/scene_reader.h"
 #include "tests/support/image_files.h"
+#include "tests/support/volume/volume_writers.h"
 
 namespace sheaf::cli {
 namespace {
@@ -65,6 +66,23 @@ TEST_F(InputCheckTest, DamageIsReportedAtTheReferenceInTheScene) {
   EXPECT_THAT(text, HasSubstr("room.pbrt:6:1: light: garbage.exr: "));
   EXPECT_THAT(text, HasSubstr("room.pbrt:7:1: medium \"fog\": smoke.nvdb: "));
   EXPECT_THAT(text, ::testing::Not(HasSubstr("whole.png")));
+}
+
+// Files of simulations have a grid of one name for each part.
+TEST_F(InputCheckTest, GridsOfOneNameAreNoted) {
+  const auto one = [](const sheaf::testing::Voxel&) { return 1.0f; };
+  Write("parts.nvdb", sheaf::testing::NvdbFile({{.value = one}, {.value = one}},
+                                               sheaf::testing::NvdbCodec::kNone));
+  const std::string medium =
+      "MakeNamedMedium \"m\" \"string type\" \"nanovdb\" \"string filename\" \"parts.nvdb\"";
+  ::testing::internal::CaptureStderr();
+  EXPECT_TRUE(CheckScene(medium + "\n").ok());
+  EXPECT_THAT(::testing::internal::GetCapturedStderr(),
+              HasSubstr("room.pbrt:5:1: medium \"m\": parts.nvdb: several grids are named "
+                        "\"density\"; the first is read, and \"density[1]\" names the second"));
+  ::testing::internal::CaptureStderr();
+  EXPECT_TRUE(CheckScene(medium + " \"string gridname\" \"density[1]\"\n").ok());
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
 }
 
 TEST_F(InputCheckTest, OnlyHeadersOfLargeImagesAreRead) {

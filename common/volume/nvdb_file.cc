@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/volume/codecs.h"
+#include "common/volume/grid_names.h"
 #include "common/volume/nanovdb_door.h"
 
 namespace sheaf::volume {
@@ -148,6 +149,7 @@ absl::StatusOr<std::vector<NvdbEntry>> ListNvdb(const std::string& file_name, co
       offset += entries[i].file_bytes;
     }
   }
+  NumberSharedNames(&entries);
   return entries;
 }
 

@@ -2,7 +2,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/volume/page_maker.h"
 
-#include <algorithm>
 #include <array>
 #include <optional>
 #include <utility>
@@ -29,7 +28,7 @@ class PageFileMaker {
     const auto entries = volume::ListNvdb(file_name_, file, limits_);
     if (!entries.ok()) return entries.status();
     for (const volume::NvdbEntry& entry : *entries) {
-      if (!IsNew(entry)) continue;
+      if (!CanBeRead(entry)) continue;
       absl::Status status;
       if (entry.codec == 0 && entry.grid_bytes <= entry.file_bytes) {
         status = Add(entry, volume::ImageSource(file, entry.offset_bytes, entry.grid_bytes));
@@ -48,7 +47,7 @@ class PageFileMaker {
     const auto entries = (*vdb)->List();
     if (!entries.ok()) return entries.status();
     for (size_t i = 0; i < entries->size(); ++i) {
-      if (!IsNew((*entries)[i])) continue;
+      if (!CanBeRead((*entries)[i])) continue;
       auto image = (*vdb)->Read(i);
       if (!image.ok()) return image.status();
       const absl::Status status = Add((*entries)[i], volume::ImageSource(*std::move(image)));
@@ -60,12 +59,7 @@ class PageFileMaker {
   PageFileSummary TakeSummary() { return std::move(summary_); }
 
  private:
-  // Readers find the first grid of a name.
-  bool IsNew(const VolumeFileEntry& entry) {
-    const auto has = [&](const std::vector<std::string>& names) {
-      return std::find(names.begin(), names.end(), entry.name) != names.end();
-    };
-    if (has(summary_.grids) || has(summary_.left_out)) return false;
+  bool CanBeRead(const VolumeFileEntry& entry) {
     if (!entry.can_be_read) summary_.left_out.push_back(entry.name);
     return entry.can_be_read;
   }

@@ -23,7 +23,7 @@ std::string JoinNames(const std::vector<Entry>& entries) {
   });
 }
 
-// The place of the first grid of that name.
+// The place of the grid of that name.
 template <typename Entry>
 absl::StatusOr<size_t> Find(const std::string& file_name, const std::vector<Entry>& entries,
                             const std::string& grid_name) {

@@ -18,7 +18,7 @@ namespace sheaf {
 
 // One grid of a file, as the file describes it.
 struct VolumeFileEntry {
-  std::string name;
+  std::string name;  // Numbered from the second grid of one name on: NumberSharedNames.
   VolumeRole role = VolumeRole::kOther;
   std::string type_name;  // The file's name for the type of values.
   bool can_be_read = false;
@@ -41,7 +41,7 @@ enum class FileKind { kNvdb, kVdb, kPages };
 absl::StatusOr<FileKind> KindOf(const std::string& file_name, const FileBytes& file);
 }  // namespace volume
 
-// The first grid of that name. pages: the memory of a page file's pages; if null, the grid has its
+// The grid of that name. pages: the memory of a page file's pages; if null, the grid has its
 // own, of VolumePages::kBytesMaxDefault.
 // Errors: as ListVolumeFile; also kNotFound, listing the names in the file; kInvalidArgument for
 // unsupported types (points, ...).

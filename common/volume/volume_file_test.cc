@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <string>
+#include <vector>
 
 #include "tests/support/volume/volume_files.h"
 
@@ -39,6 +41,23 @@ TEST_F(VolumeFileTest, ReadsNvdbOfEveryCodec) {
     EXPECT_EQ(grid->info().role, VolumeRole::kDensity);
     EXPECT_EQ(grid->box().lo, (Vec3d{-9, -3, 2}));
     EXPECT_EQ(grid->box().hi, (Vec3d{21, 13, 18}));
+  }
+}
+
+// Files of simulations have a grid of one name for each part.
+TEST_F(VolumeFileTest, GridsOfOneNameAreNumbered) {
+  const auto one = [](const Voxel&) { return 1.0f; };
+  const auto two = [](const Voxel&) { return 2.0f; };
+  const std::vector<GridToWrite> grids{{.value = one}, {.name = "heat", .value = one},
+                                       {.value = two}};
+  for (const std::string& bytes : {NvdbFile(grids, NvdbCodec::kNone), VdbFile(grids, {})}) {
+    const auto first = Read(bytes);
+    ASSERT_TRUE(first.ok()) << first.status();
+    EXPECT_EQ(first->info().values.max, 1);
+    const auto second = Read(bytes, "density[1]");
+    ASSERT_TRUE(second.ok()) << second.status();
+    EXPECT_EQ(second->info().values.max, 2);
+    EXPECT_THAT(Message(bytes, "density[2]"), HasSubstr("\"density[1]\""));
   }
 }
 

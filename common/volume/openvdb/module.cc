@@ -20,6 +20,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "common/volume/grid_names.h"
 #include "common/volume/image_builder.h"
 #include "common/volume/openvdb/archive.h"
 #include "common/volume/openvdb/headers.h"
@@ -197,6 +198,7 @@ absl::StatusOr<std::vector<VolumeFileEntry>> List(const std::string& where, int 
     entries[i].type_name = TypeName(archive.Descriptor(i));
     entries[i].can_be_read = IsScalar(type) || IsVector(type);
   }
+  NumberSharedNames(&entries);
   return entries;
 }
 
