@@ -20,6 +20,7 @@
 #include "common/scene/settings/path_shares.h"
 #include "worker/render/ablation/plan_measurement.h"
 #include "worker/render/ablation/technique_measurement.h"
+#include "worker/render/medium/file_emission.h"
 #include "worker/render/plan/render_plan.h"
 #include "worker/render/scene/memory_estimate.h"
 #include "worker/render/scene/scene_check.h"
@@ -53,6 +54,7 @@ class PlanCommand : public Command {
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
     SceneDescription& scene = opened.file.read.scene;
+    render::ResolveFileEmission(*opened.file.files, &scene);
     const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
     std::optional<render::TechniqueMeasurement> techniques;

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/base/vector_bytes.h"
+#include "worker/render/medium/file_emission.h"
 #include "worker/render/medium/medium_velocities.h"
 #include "worker/render/scene/compile_tables.h"
 #include "worker/render/scene/displacement.h"
@@ -73,6 +74,7 @@ absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription descr
       ReadMediumVelocities(files, input.threads, &description);
   if (!velocities.ok()) return velocities.status();
   input.velocities = *std::move(velocities);
+  ResolveFileEmission(files, &description);
   input.plan = MakeRenderPlan(description, settings);
   const absl::Status displaced = DisplaceMeshes(
       files, {limits.displaced_triangles_max, limits.texture_cache_bytes_max}, &description);
