@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "cli/commands/command.h"
@@ -16,6 +17,7 @@
 #include "cli/job/camera_paths_check.h"
 #include "cli/job/input_check.h"
 #include "cli/job/opened_scene.h"
+#include "cli/job/volume_extents.h"
 #include "common/base/printable.h"
 #include "common/scene/settings/path_shares.h"
 #include "worker/render/ablation/plan_measurement.h"
@@ -79,16 +81,20 @@ class PlanCommand : public Command {
       measurement = *std::move(measured);
     }
     const render::MemoryEstimate memory = render::EstimateMemory(scene, *opened.file.files);
+    const std::vector<VolumeExtent> volumes = VolumeExtents(scene, *opened.file.files);
     if (!measure_) {  // Which compiles the scene.
       absl::Status checked = CheckFiles(&scene, opened.settings, *opened.file.files);
       if (!checked.ok()) return ReportSceneError(checked);
     }
     if (json_) {
-      PrintJson(plan, opened.settings, arguments_.settings.measure_techniques, memory, measurement,
-                techniques);
+      PrintJson(plan, opened.settings, arguments_.settings.measure_techniques, memory, volumes,
+                measurement, techniques);
     } else {
       std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
       std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
+      for (const VolumeExtent& volume : volumes) {
+        std::printf("volume: %s\n", Printable(FormatVolumeExtent(volume)).c_str());
+      }
       const std::string note = render::PageFileNote(memory);
       if (!note.empty()) std::printf("note: %s\n", note.c_str());
       if (arguments_.settings.measure_techniques && !techniques) {
@@ -230,6 +236,7 @@ class PlanCommand : public Command {
   // is_auto: the frame's techniques are those that a measurement chooses.
   static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings, bool is_auto,
                         const render::MemoryEstimate& memory,
+                        const std::vector<VolumeExtent>& volumes,
                         const std::optional<render::PlanMeasurement>& measurement,
                         const std::optional<render::TechniqueMeasurement>& techniques) {
     nlohmann::ordered_json json = {{"variant", plan.variant_name},
@@ -249,6 +256,16 @@ class PlanCommand : public Command {
       if (effect.expected_time_ratio > 0) {
         json["effects"].back()["expected_time_ratio"] = effect.expected_time_ratio;
       }
+    }
+    for (const VolumeExtent& volume : volumes) {
+      const auto point = [](const Vec3d& p) { return nlohmann::json{p.x, p.y, p.z}; };
+      json["volumes"].push_back({{"medium", volume.medium},
+                                 {"file", volume.file},
+                                 {"grid", volume.grid},
+                                 {"active_voxel_count", volume.active_voxel_count}});
+      if (volume.lo.x > volume.hi.x) continue;
+      json["volumes"].back()["box_min"] = point(volume.lo);
+      json["volumes"].back()["box_max"] = point(volume.hi);
     }
     if (measurement) json["measurement"] = MeasurementJson(*measurement);
     if (techniques) json["measurement"]["techniques"] = TechniquesJson(*techniques);
