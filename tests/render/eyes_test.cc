@@ -15,7 +15,7 @@
 #include "tests/support/technique_scenes.h"
 #include "tests/support/test_scene.h"
 #include "worker/render/bsdf/bsdf_inl.h"
-#include "worker/render/eyes/shared_vertex.h"
+#include "worker/render/eyes/specular_prefix.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
@@ -183,6 +183,48 @@ TEST(EyesTest, EyesConvergeWhereTheyShould) {
   EXPECT_LT(scene->eyes->of(Eye::kRight).SampleWi(near, {}, 0)->film.x, 31.5);
 }
 
+// Replays the prefixes of random paths in the other eye, and those in the first one.
+TEST(EyesTest, AReplayAndItsInverseGiveTheSamePathOrNone) {
+  using C = IntegratorConfig<kAllTraits, const EmbreeScene, DirectLight::kByBoth, PathKind::kEye>;
+  const CompiledScenePtr scene = Compile(Mirrors({}).scene, StereoSettings(64, 1, 0.1f, 3));
+  RayCounts counts;
+  LightGroups<Rgb> groups;
+  Random random(9);
+  int replayed = 0;
+  const int path_count = LongTests() ? 1000000 : 20000;
+  for (int i = 0; i < path_count; ++i) {
+    const Eye eye = i % 2 == 0 ? Eye::kLeft : Eye::kRight;
+    const PathView own{eye}, other{OtherThan(eye)};
+    const Sampler sampler(7, i % 64, i / 64 % 64, static_cast<uint64_t>(i), false);
+    const Context<C> c{*scene, *scene->tracer, sampler, counts, nullptr, groups, {}, {}};
+    SpecularPrefix<C> prefix;
+    prefix.origin.eye = eye;
+    prefix.length = 1 + static_cast<uint32_t>(i) / 2 % 2;
+    // The prefix that begins at the film point of the view.
+    const auto end_of = [&](const PathView& view, Vec2d film) -> std::optional<PrefixEnd<C>> {
+      const Ray ray = scene->eyes->of(view.eye).MakeRay<kAllTraits>(film, {}, 0);
+      RawHit hit;
+      if (!scene->tracer->Intersect(ray, &hit)) return std::nullopt;
+      prefix.first = MakeSurfacePoint<kAllTraits>(scene->geometry, ray, hit);
+      return ReplayPrefix(c, prefix, view, film);
+    };
+    const auto there = end_of(own, {random.Uniform(0, 64), random.Uniform(0, 64)});
+    if (!there) continue;
+    Vec3f unused;
+    const auto sight = SightOf(*scene, other, prefix.first, &unused);
+    if (!sight || !ReplayPrefix(c, prefix, other, sight->film)) continue;
+    ASSERT_TRUE(end_of(other, sight->film).has_value());
+    const auto back = SightOf(*scene, own, prefix.first, &unused);
+    ASSERT_TRUE(back.has_value());
+    const auto again = ReplayPrefix(c, prefix, own, back->film);
+    ASSERT_TRUE(again.has_value());
+    ++replayed;
+    EXPECT_NEAR(Length(again->vertex.point.p - there->vertex.point.p), 0, 0.02);
+    EXPECT_NEAR(again->throughput.g, there->throughput.g, 0.02f);
+  }
+  EXPECT_GT(replayed, path_count / 20);
+}
+
 // --- Images --------------------------------------------------------------------------------------
 
 TEST(EyesTest, EyesAreAsAlone) {
@@ -206,6 +248,14 @@ TEST(EyesTest, WhatOneEyeAloneSeesIsAsAlone) {
   ExpectEyesAsAlone("a strip", {test}, 128);
 }
 
+TEST(EyesTest, EyesAreAsAloneBehindMirrorsAndGlass) {
+  ExpectEyesAsAlone("mirrors and glass", {Mirrors(kColored), Mirrors({})}, 256);
+}
+TEST(EyesTest, EyesOfSpectralFramesAreAsAloneBehindMirrors) {
+  ExpectEyesAsAlone("mirrors in spectral frames", {Mirrors(kColored)}, 256,
+                    ColorTransport::kSpectral);
+}
+
 TEST(EyesTest, AFurnaceIsWhiteInBothEyes) {
   TestScene test({0, 0, -3}, {0, 0, 0}, 50);
   test.ConstantEnvironment(Rgb::Gray(1));
@@ -216,9 +266,8 @@ TEST(EyesTest, AFurnaceIsWhiteInBothEyes) {
   ExpectMean(MeanOf(RenderAll(*scene)), Rgb::Gray(1));
 }
 
-// Eyes in one place share every path: each has the noise of twice the samples.
-TEST(EyesTest, EyesInOnePlaceHaveHalfTheVariance) {
-  const TestScene test = Diffuse(kColored);
+// The variance of an eye over that of one alone, for eyes in one place.
+double VarianceInOnePlace(const TestScene& test) {
   const CompiledScenePtr both = Compile(test.scene, StereoSettings(kSizePx, 256, 1e-6f, 0));
   const CompiledScenePtr one = Compile(test.scene, SquareSettings(kSizePx, 256, 4));
   const FilmTile of_both = RenderAll(*both), of_one = RenderAll(*one);
@@ -237,7 +286,17 @@ TEST(EyesTest, EyesInOnePlaceHaveHalfTheVariance) {
     ratio_sum += eye_variance / variance;
   }
   std::printf("variance of an eye over that of one alone: %.3f\n", ratio_sum / 2);
-  EXPECT_NEAR(ratio_sum / 2, 0.5, 0.1);
+  return ratio_sum / 2;
+}
+
+// Each has the noise of twice the samples.
+TEST(EyesTest, EyesInOnePlaceHaveHalfTheVariance) {
+  EXPECT_NEAR(VarianceInOnePlace(Diffuse(kColored)), 0.5, 0.1);
+}
+
+// Behind a prefix, the light samples of the first rough vertex are each eye's own.
+TEST(EyesTest, EyesInOnePlaceShareLightBehindMirrors) {
+  EXPECT_LT(VarianceInOnePlace(Mirrors(kColored)), 0.8);
 }
 
 // Where an eye sees the edge of a ball before the sky, shared and unshared paths meet in a pixel.

@@ -225,6 +225,9 @@ TEST(SharingTest, PathsThroughGlassAreAsAlone) {
   ExpectAsAlone("a lens of glass", {ThroughGlass(Diffuse(kTinted)), ThroughGlass(Glossy(kTinted))},
                 256);
 }
+TEST(SharingTest, PathsBehindMirrorsAreAsAlone) {
+  ExpectAsAlone("mirrors through a lens", {ThroughLens(Mirrors(kTinted))}, 128);
+}
 TEST(SharingTest, PathsOverAShutterAreAsAlone) {
   ExpectAsAlone("shutter",
                 {OverShutter(Diffuse(kTinted)), OverShutter(Glossy(kTinted)),

@@ -70,6 +70,27 @@ inline TestScene Glossy(Tint tint) {
   return t;
 }
 
+// A mirror for a wall, balls of smooth metal and glass.
+inline TestScene Mirrors(Tint tint) {
+  TestScene test({0, 1, -3.2}, {0, 0.6, 0}, 36);
+  const auto wall = [&](Vec3f a, Vec3f b, Vec3f c, Vec3f d, int32_t material) {
+    test.AddShape(MeshShape{test.Quad(a, b, c, d)}, material);
+  };
+  ConductorMaterial mirror;
+  mirror.has_reflectance = true;
+  mirror.reflectance.value.rgb = tint({0.9f, 0.8f, 0.7f});
+  const int32_t metal = test.AddMaterial(mirror), glass = test.AddMaterial(DielectricMaterial{});
+  wall({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2}, test.Diffuse(tint({0.6f, 0.5f, 0.4f})));
+  wall({-2, 0, 2}, {-2, 3, 2}, {2, 3, 2}, {2, 0, 2}, metal);
+  wall({-2, 0, -4}, {-2, 3, -4}, {-2, 3, 2}, {-2, 0, 2}, test.Diffuse(tint({0.7f, 0.3f, 0.3f})));
+  wall({2, 0, 2}, {2, 3, 2}, {2, 3, -4}, {2, 0, -4}, test.Diffuse(tint({0.3f, 0.7f, 0.3f})));
+  wall({2, 0, -4}, {2, 3, -4}, {-2, 3, -4}, {-2, 0, -4}, test.Diffuse(tint({0.5f, 0.5f, 0.6f})));
+  AddPointEmitter(&test, tint, 0.9f);
+  test.AddShape(kBall, metal, TranslateMatrix({-0.7, 0.6, 0.3}));
+  test.AddShape(kBall, glass, TranslateMatrix({0.7, 0.6, 0}));
+  return test;
+}
+
 // A sky, a point light, leaves, a lens, a cut-out, and a moving ball.
 inline TestScene Outdoor(Tint tint) {
   TestScene t = OpenBox(tint);

@@ -11,6 +11,7 @@
 #include "worker/render/bsdf/bsdf_inl.h"
 #include "worker/render/eyes/eye_variants.h"
 #include "worker/render/eyes/shared_vertex.h"
+#include "worker/render/eyes/specular_prefix.h"
 
 namespace sheaf::render {
 
@@ -18,14 +19,17 @@ namespace sheaf::render {
 template <typename C>
 void FollowSharedPath(const Context<C>& c, const PathSharing& sharing, const PathOrigin& origin,
                       PathState<C>* path, FilmSample* film, PathShift<C>* shift) {
+  const auto wavelengths = path->wavelengths;
   Vertex<C> vertex;
   NextVertex(c, path, &vertex);
-  auto* surface = std::get_if<SurfaceVertex<C>>(&vertex);
-  // In a medium, a path would come with a probability of its own.
-  bool is_clear = surface != nullptr;
-  if constexpr (C::kMedia) is_clear = is_clear && path->media.set.empty();
-  const bool continues = is_clear ? ScatterFirst(c, sharing, origin, *surface, shift, path, film)
-                                  : ContinueFrom(c, &vertex, path, film);
+  SurfaceVertex<C>* const surface = ClearSurface(*path, &vertex);
+  if (surface != nullptr && surface->bsdf.specular) {
+    FollowSpecularPath(c, sharing, origin, wavelengths, &vertex, path, film, shift);
+    return;
+  }
+  const bool continues = surface != nullptr
+                             ? ScatterFirst(c, sharing, origin, *surface, shift, path, film)
+                             : ContinueFrom(c, &vertex, path, film);
   if (continues) FollowPath(c, path, film);
 }
 
@@ -71,6 +75,7 @@ class EyeIntegrator {
     }
     if constexpr (C::kMedia) StartInMedia(context, &path);
     shift_.count = 0;
+    shift_.is_behind_prefix = false;
     // Rays that the lens blocks are black samples.
     if (weight != 0) {
       FollowSharedPath(context, sharing_, origin, &path, &sample_.own, &shift_);
@@ -109,10 +114,12 @@ class EyeIntegrator {
       if (sharing_.by_filter) PlaceAt(eye, film);
       return;
     }
+    auto& own_view = shift_.views[0];
+    if (shift_.is_behind_prefix) own_view.light += shift_.alone * (own_view.share * weight);
     int32_t v = 0;
     if (!sharing_.by_filter) {
-      own.radiance = found(shift_.views[0].light, shift_.views[0].factor);
-      sample_.own_share = shift_.views[0].share;
+      own.radiance = found(own_view.light, own_view.factor);
+      sample_.own_share = own_view.share;
       v = 1;
     } else {
       sample_.own_share = 0;

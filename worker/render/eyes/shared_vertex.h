@@ -100,13 +100,18 @@ struct PathShift {
     // around the film point, where the pixels' filters weigh it per pixel of the film; or in the
     // path's own pixel.
     double part;
-    float share;   // The same without the weight of the view's ray.
-    Color light;   // The light found at the first vertex, with the share.
-    Color factor;  // The factor of what the rest of the path finds, with the share.
+    float share;    // The same without the weight of the view's ray; 0 behind a specular prefix.
+    Color light;    // The light found at the shared vertex, with the share.
+    Color factor;   // The factor of what the rest of the path finds, with the share.
+    Color through;  // The throughput up to the shared vertex, over that of the path.
   };
   // The path's own view first. None: the path counts for its own view alone, and fully.
   int32_t count = 0;
   std::array<View, kPathViewsMax> views;
+  // Whether the shared vertex is behind a specular prefix. Then the path found `alone` before it,
+  // for its own view, and stands for a sample of that view alone.
+  bool is_behind_prefix = false;
+  Color alone;
 };
 
 // Whether paths of several views may share the vertex. Not where the surface scatters into single
@@ -126,7 +131,7 @@ void ShareLight(const SharedVertex<C>& shared, PathShift<C>* shift, PathState<C>
   for (int32_t v = 0; v < shift->count; ++v) {
     auto& view = shift->views[static_cast<size_t>(v)];
     const auto share = static_cast<float>(view.part / shared.density());
-    view.light += path->radiance * shared.Found(v) * share;
+    view.light += path->radiance * shared.Found(v) * view.through * share;
   }
   path->radiance = {};
 }
@@ -152,7 +157,7 @@ bool ScatterForAll(const Context<C>& c, const SharedVertex<C>& shared, double ow
   const Color before = path->throughput;
   const SurfaceVertex<C>& own = shared.Seen(0);
   if (!own.Scatter(c, path)) return false;
-  shift->views[0].factor = Color::Gray(static_cast<float>(own_alone));
+  shift->views[0].factor = shift->views[0].through * static_cast<float>(own_alone);
   // Paths of other views do not take this direction.
   if (path->specular) return true;
   const Vec3f w = path->ray.d;
@@ -166,12 +171,13 @@ bool ScatterForAll(const Context<C>& c, const SharedVertex<C>& shared, double ow
     density += shared.SightOfView(v).density * static_cast<double>(value.pdf);
   }
   const float survival = RouletteFactor(c, own, before, *path);
-  to[0] = path->throughput * static_cast<float>(shift->views[0].part * pdf / density);
+  to[0] = path->throughput * shift->views[0].through *
+          static_cast<float>(shift->views[0].part * pdf / density);
   // The path carries all together as gray, so that no component of any is lost.
   float carried = MaxComponent(to[0]);
   for (int32_t v = 1; v < shift->count; ++v) {
     const auto i = static_cast<size_t>(v);
-    to[i] = before * to[i] *
+    to[i] = before * to[i] * shift->views[i].through *
             static_cast<float>(shift->views[i].part / density * static_cast<double>(survival));
     carried += MaxComponent(to[i]);
   }
@@ -212,8 +218,23 @@ void StartShift(const Context<C>& c, const PathSharing& sharing, const ViewsOfPo
                                             part,
                                             static_cast<float>(rays / shared.density()),
                                             emission * static_cast<float>(part / shared.density()),
-                                            Color()};
+                                            Color(),
+                                            Color::Gray(1)};
   }
+}
+
+// The path arrives at the shared vertex: samples lights and continues it for all views. Requires:
+// the views of the shift are set. False where the path ends.
+template <typename C>
+bool ScatterShared(const Context<C>& c, const PathSharing& sharing, const SharedVertex<C>& shared,
+                   PathShift<C>* shift, PathState<C>* path) {
+  ShareLight(shared, shift, path, [&] { SampleLd(c, shared, path); });
+  if constexpr (C::kSamplesEmission) {
+    ShareLight(shared, shift, path, [&] { SampleVolumeEmission(c, shared, path); });
+  }
+  const Sight& own = shared.SightOfView(0);
+  const double own_alone = own.weight * (sharing.by_filter ? own.pixels / own.density : 1);
+  return ScatterForAll(c, shared, own_alone, shift, path);
 }
 
 // The path arrives at its first vertex, a surface, with nothing in between: shares what it finds
@@ -224,19 +245,16 @@ bool ScatterFirst(const Context<C>& c, const PathSharing& sharing, const PathOri
                   FilmSample* film) {
   ViewsOfPoint views;
   if (MayShare<C>(vertex) && !vertex.in_subsurface) {
-    FindViews(c, sharing, origin, vertex.point, path->ray.time, &views);
+    const auto see = [&](const PathView& view, bool is_own, ViewsOfPoint::Entry* entry) {
+      return is_own || IsInView(c, vertex.point, entry->sight.wi, entry->p_lens, view.time);
+    };
+    FindViews(c, sharing, origin, vertex.point, path->ray.time, see, &views);
   }
   if (views.count < 2) return ScatterAt(c, vertex, path, film);
   if (!vertex.Arrive(c, path, film)) return false;
   const SharedVertex<C> shared(c, vertex, views);
   StartShift(c, sharing, views, shared, *path, shift);
-  ShareLight(shared, shift, path, [&] { SampleLd(c, shared, path); });
-  if constexpr (C::kSamplesEmission) {
-    ShareLight(shared, shift, path, [&] { SampleVolumeEmission(c, shared, path); });
-  }
-  const Sight& own = views.entries[0].sight;
-  const double own_alone = sharing.by_filter ? own.weight * own.pixels / own.density : 1;
-  return ScatterForAll(c, shared, own_alone, shift, path);
+  return ScatterShared(c, sharing, shared, shift, path);
 }
 
 }  // namespace sheaf::render

@@ -81,10 +81,11 @@ bool IsInView(const Context<C>& c, const SurfacePoint& point, Vec3f wi, Vec3f p_
 }
 
 // The views of the origin's set that see the point, to which the path came from its own view with
-// nothing in between. time: the path's.
-template <typename C>
+// nothing in between. time: the path's. see(view, is_own, &entry): whether the view counts; it may
+// change the entry.
+template <typename C, typename See>
 void FindViews(const Context<C>& c, const PathSharing& sharing, const PathOrigin& origin,
-               const SurfacePoint& point, float time, ViewsOfPoint* views) {
+               const SurfacePoint& point, float time, const See& see, ViewsOfPoint* views) {
   const CompiledScene& scene = c.scene;
   const int32_t shares = SharesAt(scene, sharing, point.p, time);
   if (shares == 1 && scene.eyes == nullptr) return;
@@ -93,6 +94,8 @@ void FindViews(const Context<C>& c, const PathSharing& sharing, const PathOrigin
   const std::optional<Sight> own_sight = SightOf(scene, own_view, point, &own.p_lens);
   if (!own_sight) return;
   own.sight = *own_sight;
+  const Vec3f own_wi = own_sight->wi;
+  if (!see(own_view, /*is_own=*/true, &own)) return;
   views->Add(own);
   for (int32_t i = 0; i < shares; ++i) {
     for (const Eye eye : {origin.eye, OtherThan(origin.eye)}) {
@@ -100,12 +103,9 @@ void FindViews(const Context<C>& c, const PathSharing& sharing, const PathOrigin
       const PathView view = ViewOf(scene, sharing, origin, eye, shares, i);
       ViewsOfPoint::Entry entry{eye};
       const std::optional<Sight> sight = SightOf(scene, view, point, &entry.p_lens);
-      if (!sight || !AreOnOneSide(point, own.sight.wi, sight->wi) ||
-          !IsInView(c, point, sight->wi, entry.p_lens, view.time)) {
-        continue;
-      }
+      if (!sight || !AreOnOneSide(point, own_wi, sight->wi)) continue;
       entry.sight = *sight;
-      views->Add(entry);
+      if (see(view, /*is_own=*/false, &entry)) views->Add(entry);
     }
   }
 }

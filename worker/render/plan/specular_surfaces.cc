@@ -43,23 +43,31 @@ bool MayBeSpecular(const MaterialDescription& description) {
 // Named in a note; the others are counted.
 constexpr int kMaterialsNamedMax = 3;
 
-// The materials at which views do not share paths, as the end of a note; empty if there are none.
-std::string UnsharedMaterials(const SceneDescription& scene) {
+// `before`, and the locations of the materials of which that is true in brackets; empty if there
+// are none.
+template <typename IsOne>
+std::string Listed(const SceneDescription& scene, const char* before, const IsOne& is_one) {
   std::string note;
   int count = 0;
   for (const MaterialDescription& description : scene.materials) {
-    if (!MayBeSpecular(description) &&
-        !std::holds_alternative<HairMaterial>(description.material)) {
-      continue;
-    }
-    if (++count > kMaterialsNamedMax) continue;
-    absl::StrAppend(&note, count == 1 ? "; not those at the materials of " : ", ",
+    if (!is_one(description) || ++count > kMaterialsNamedMax) continue;
+    absl::StrAppend(&note, count == 1 ? absl::StrCat(before, " (") : ", ",
                     FormatLocation(scene, description.location));
   }
   if (count > kMaterialsNamedMax) {
     absl::StrAppend(&note, " and ", count - kMaterialsNamedMax, " more");
   }
-  return note;
+  return count == 0 ? note : note + ")";
+}
+
+// The materials at which views share less, as the end of a note; empty if there are none.
+std::string LessSharedMaterials(const SceneDescription& scene) {
+  return Listed(scene,
+                "; those with two rough surfaces or more behind up to 4 mirrors and smooth glasses",
+                [](const MaterialDescription& m) { return MayBeSpecular(m); }) +
+         Listed(scene, "; none at hair", [](const MaterialDescription& m) {
+           return std::holds_alternative<HairMaterial>(m.material);
+         });
 }
 
 }  // namespace
@@ -84,7 +92,7 @@ bool MayHaveGlossySurfaces(const SceneDescription& scene) {
 
 std::string StereoNote(const SceneDescription& scene) {
   return absl::StrCat("stereo: both eyes share the paths that begin at rough surfaces",
-                      UnsharedMaterials(scene));
+                      LessSharedMaterials(scene));
 }
 
 std::string SharingNote(const SceneDescription& scene, bool by_views, bool world_moves) {
@@ -105,7 +113,7 @@ std::string SharingNote(const SceneDescription& scene, bool by_views, bool world
   return absl::StrCat(
       note, "; views: up to 8 points of the ", through_lens ? "lens" : "",
       through_lens && over_shutter ? " and the " : "", over_shutter ? "shutter" : "",
-      " share the paths that begin at rough surfaces", UnsharedMaterials(scene), still);
+      " share the paths that begin at rough surfaces", LessSharedMaterials(scene), still);
 }
 
 void NoteSharedPaths(const SceneDescription& scene, const FrameSettings& settings, bool world_moves,

@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // The surfaces of a scene that scatter specularly alone: light paths can be merged behind them, and
-// views do not share the paths that begin at them.
+// views share less of the paths that begin at them.
 #pragma once
 
 #include <string>
@@ -22,7 +22,7 @@ bool MayHaveSpecularSurfaces(const SceneDescription& scene);
 bool MayHaveGlossySurfaces(const SceneDescription& scene);
 
 // One line about the eyes of a stereo frame: that they share paths, and the materials at which they
-// do not, because each eye has directions of its own there.
+// share less or none, because each eye has directions of its own there.
 std::string StereoNote(const SceneDescription& scene);
 // The same about a frame with Technique::kSharing, and which views share paths if it has kViews,
 // too. world_moves: whether anything but the camera moves.

@@ -57,10 +57,12 @@ TEST(SpecularSurfacesTest, AreNamedForStereoFrames) {
   EXPECT_EQ(StereoNote(scene), "stereo: both eyes share the paths that begin at rough surfaces");
   add(ThinDielectricMaterial{}, 4);
   EXPECT_THAT(StereoNote(scene),
-              ::testing::EndsWith("; not those at the materials of room.pbrt:4:1"));
+              ::testing::EndsWith("rough surfaces; those with two rough surfaces or more behind up "
+                                  "to 4 mirrors and smooth glasses (room.pbrt:4:1)"));
   for (int32_t line = 5; line < 9; ++line) add(HairMaterial{}, line);
   EXPECT_THAT(StereoNote(scene),
-              ::testing::EndsWith("room.pbrt:4:1, room.pbrt:5:1, room.pbrt:6:1 and 2 more"));
+              ::testing::EndsWith("(room.pbrt:4:1); none at hair (room.pbrt:5:1, room.pbrt:6:1, "
+                                  "room.pbrt:7:1 and 1 more)"));
 }
 
 TEST(SpecularSurfacesTest, PlansSayWhichViewsShare) {
