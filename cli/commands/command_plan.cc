@@ -1,8 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf plan: prints which effects a scene needs, which statements need them, and which compiled
-// variant renders it; on request also the cost and the gain of each effect.
+// sheaf plan: prints which effects a scene needs, which statements need them,
+// and which compiled variant renders it; on request also the cost and the gain
+// of each effect, and what loading takes.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -12,12 +13,15 @@
 
 #include "absl/strings/str_cat.h"
 #include "cli/commands/command.h"
+#include "cli/commands/first_image.h"
 #include "cli/commands/options.h"
 #include "cli/interruption.h"
 #include "cli/job/camera_paths_check.h"
 #include "cli/job/input_check.h"
 #include "cli/job/opened_scene.h"
 #include "cli/job/volume_extents.h"
+#include "cli/profile/load_report.h"
+#include "cli/profile/memory_account.h"
 #include "common/base/printable.h"
 #include "common/scene/settings/path_shares.h"
 #include "worker/render/ablation/plan_measurement.h"
@@ -37,22 +41,36 @@ class PlanCommand : public Command {
         "plan", "Show which effects a scene uses, and which variant renders it");
     AddSettingsOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
-    command->add_flag(
-        "--measure", measure_,
-        "Render with and without each effect to measure its cost and its influence on the image");
+    command->add_flag("--measure", measure_,
+                      "Render with and without each effect to measure its cost "
+                      "and its influence on the image");
     command
         ->add_option("--measure-seconds", measure_seconds_,
                      "Seconds to measure; more seconds give less noise")
         ->check(InRange(render::kMeasureSecondsMin, render::kMeasureSecondsMax))
         ->capture_default_str();
+    command->add_flag("--timings", timings_,
+                      "Render one sample a pixel as sheaf render does, and "
+                      "show the time of each "
+                      "phase of loading");
+    command->add_flag("--memory", memory_,
+                      "Render one sample a pixel as sheaf render does, and "
+                      "show what the process' "
+                      "memory holds");
     command->footer(
         "Examples:\n  sheaf plan room.pbrt\n  sheaf plan room.pbrt --json\n"
-        "  sheaf plan room.pbrt --measure --measure-seconds 60");
+        "  sheaf plan room.pbrt --measure --measure-seconds 60\n"
+        "  sheaf plan room.pbrt --timings --memory");
     return command;
   }
 
   ExitCode Run() override {
     const Interruption interruption;
+    std::optional<FirstImage> first;
+    if (timings_ || memory_) {  // Before anything of the scene is read.
+      const ExitCode code = RenderFirstImage(arguments_, memory_, interruption, &first.emplace());
+      if (code != ExitCode::kOk) return code;
+    }
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
     SceneDescription& scene = opened.file.read.scene;
@@ -87,8 +105,13 @@ class PlanCommand : public Command {
       if (!checked.ok()) return ReportSceneError(checked);
     }
     if (json_) {
-      PrintJson(plan, opened.settings, arguments_.settings.measure_techniques, memory, volumes,
-                measurement, techniques);
+      nlohmann::ordered_json json =
+          PlanJson(plan, opened.settings, arguments_.settings.measure_techniques, memory,
+                   measurement, techniques);
+      if (timings_) json["timings"] = LoadTimesJson(first->times);
+      if (memory_) json["memory_account"] = MemoryAccountJson(first->memory);
+      std::printf("%s\n",
+                  json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     } else {
       std::fputs(PrintableLines(render::FormatRenderPlan(plan)).c_str(), stdout);
       std::printf("memory: about %s\n", render::FormatMemoryEstimate(memory).c_str());
@@ -104,6 +127,8 @@ class PlanCommand : public Command {
         std::printf("\n%s", PrintableLines(render::FormatPlanMeasurement(*measurement)).c_str());
         std::printf("%s\n", render::FormatTechniqueMeasurement(*techniques).c_str());
       }
+      if (timings_) std::printf("\n%s", FormatLoadTimes(first->times).c_str());
+      if (memory_) std::printf("\n%s", FormatMemoryAccount(first->memory).c_str());
     }
     return ExitCode::kOk;
   }
@@ -114,7 +139,8 @@ class PlanCommand : public Command {
                                  FileSource& files) {
     absl::Status checked = InputChecks().Check(*scene, files);
     if (checked.ok()) checked = render::CheckScene(std::move(*scene), settings, files);
-    // Without its library no image can be read; this is not an error of the scene.
+    // Without its library no image can be read; this is not an error of the
+    // scene.
     return absl::IsFailedPrecondition(checked) ? absl::OkStatus() : checked;
   }
 
@@ -135,10 +161,12 @@ class PlanCommand : public Command {
                       name.substr(TechniqueSet::kCameraAndLight.Name().size()));
     }
     return absl::StrCat(
-        "techniques: auto measures small images of the frame before it is rendered, "
+        "techniques: auto measures small images of the frame "
+        "before it is rendered, "
         "and takes the most efficient of ",
         plain, "; and of these with ", more,
-        " where the scene has use for it. --measure shows the choice and the gains");
+        " where the scene has use for it. --measure shows the "
+        "choice and the gains");
   }
 
   static nlohmann::ordered_json MeasurementJson(const render::PlanMeasurement& measurement) {
@@ -234,11 +262,11 @@ class PlanCommand : public Command {
   }
 
   // is_auto: the frame's techniques are those that a measurement chooses.
-  static void PrintJson(const render::RenderPlan& plan, const FrameSettings& settings, bool is_auto,
-                        const render::MemoryEstimate& memory,
-                        const std::vector<VolumeExtent>& volumes,
-                        const std::optional<render::PlanMeasurement>& measurement,
-                        const std::optional<render::TechniqueMeasurement>& techniques) {
+  static nlohmann::ordered_json PlanJson(
+      const render::RenderPlan& plan, const FrameSettings& settings, bool is_auto,
+      const render::MemoryEstimate& memory,
+      const std::optional<render::PlanMeasurement>& measurement,
+      const std::optional<render::TechniqueMeasurement>& techniques) {
     nlohmann::ordered_json json = {{"variant", plan.variant_name},
                                    {"traits", plan.traits},
                                    {"variant_traits", plan.variant_traits},
@@ -269,13 +297,14 @@ class PlanCommand : public Command {
     }
     if (measurement) json["measurement"] = MeasurementJson(*measurement);
     if (techniques) json["measurement"]["techniques"] = TechniquesJson(*techniques);
-    std::printf("%s\n",
-                json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    return json;
   }
 
   JobArguments arguments_;
   bool json_ = false;
   bool measure_ = false;
+  bool timings_ = false;
+  bool memory_ = false;
   double measure_seconds_ = 20;
 };
 

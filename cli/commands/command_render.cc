@@ -70,12 +70,13 @@ class RenderCommand : public Command {
     const Interruption interruption;
     SetLogName("sheaf render");
     SetLogLevel(LogLevel::kWarning);  // The progress line shows the rest.
-    const absl::StatusOr<PreparedJob> job = PrepareJob(arguments_);
+    absl::StatusOr<PreparedJob> job = PrepareJob(arguments_, /*keeps_description=*/true);
     if (!job.ok()) return ReportSceneError(job.status());
     for (const std::string& text : job->diagnostics) PrintSceneNote(text);
 
     const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
     if (!delivery.ok()) return ReportOutputError(delivery.status());
+    farm_.worker.scenes = ScenesOf(&*job);
     const absl::StatusOr<std::unique_ptr<LocalFarm>> farm = LocalFarm::Open(farm_);
     if (!farm.ok()) return ReportError(ExitCode::kFile, farm.status());
     if (!farm_.http_address.empty()) {

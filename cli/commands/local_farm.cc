@@ -15,7 +15,9 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/time.h"
 #include "common/base/file.h"
+#include "common/base/load_phases.h"
 #include "common/base/log.h"
+#include "common/base/memory_room.h"
 #include "common/base/status.h"
 #include "common/base/steady_time.h"
 #include "common/content/file_descriptor.h"
@@ -114,10 +116,22 @@ class LocalFarm::StateDirectory {
   FileDescriptor owner_;
 };
 
+std::shared_ptr<worker::SceneOpener> ScenesOf(PreparedJob* job,
+                                              worker::DirectScenes::MemoryWatch watch) {
+  auto scenes =
+      std::make_shared<worker::DirectScenes>([] { return FindMemoryRoom(); }, std::move(watch));
+  if (job->description) {
+    scenes->Expect(job->frames.front().manifest.sha256_hex, *std::move(job->description));
+    job->description.reset();
+  }
+  return scenes;
+}
+
 LocalFarm::LocalFarm() = default;
 LocalFarm::~LocalFarm() = default;
 
 absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOptions& options) {
+  const PhaseTimer timer(LoadPhase::kFarm);
   std::unique_ptr<LocalFarm> farm(new LocalFarm());
   farm->options_ = options;
   absl::StatusOr<std::unique_ptr<StateDirectory>> state = StateDirectory::Open(options.kept_state);
@@ -157,6 +171,13 @@ absl::StatusOr<std::unique_ptr<LocalFarm>> LocalFarm::Open(const LocalFarmOption
 const std::string& LocalFarm::KeepState() {
   state_->Keep();
   return state_->path();
+}
+
+uint64_t LocalFarm::film_bytes() const {
+  for (const coordinator::MetricView& metric : server_->farm().Metrics()) {
+    if (metric.name == "sheaf_merge_bytes") return static_cast<uint64_t>(metric.value);
+  }
+  return 0;
 }
 
 absl::Status LocalFarm::StartWorker() {

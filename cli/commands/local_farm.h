@@ -5,13 +5,17 @@
 // in-process channel; they use the same code as a large farm.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <thread>
 
 #include "absl/status/statusor.h"
+#include "cli/job/prepared_job.h"
 #include "common/content/blob_store.h"
 #include "coordinator/service/server/coordinator_server.h"
+#include "worker/sandbox/direct_scenes.h"
+#include "worker/sandbox/scene_opener.h"
 #include "worker/service/embedded_worker.h"
 
 namespace sheaf::cli {
@@ -21,6 +25,11 @@ struct LocalFarmOptions {
   std::string http_address;      // Empty: no dashboard.
   std::string kept_state;        // A folder to keep; empty: a temporary one.
 };
+
+// Opens the scenes of a job for the worker of a LocalFarm. Takes the job's description, so that its
+// scene is not read again. watch: as for DirectScenes.
+std::shared_ptr<worker::SceneOpener> ScenesOf(PreparedJob* job,
+                                              worker::DirectScenes::MemoryWatch watch = nullptr);
 
 class LocalFarm {
  public:
@@ -35,6 +44,8 @@ class LocalFarm {
   // The store of the coordinator.
   const BlobStore* blobs() const { return &server_->farm().blobs(); }
   std::string http_url() const { return server_->http_url(); }
+  // Memory of the film: tiles that are not finished.
+  uint64_t film_bytes() const;
   // Keeps the folder, so that a later run can resume with it as LocalFarmOptions::kept_state.
   // Returns its path.
   const std::string& KeepState();

@@ -19,6 +19,7 @@
 #include "cli/exit_code.h"
 #include "cli/job/own_command.h"
 #include "cli/message.h"
+#include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/base/open_files.h"
 #include "common/base/surroundings/standard_streams.h"
@@ -120,6 +121,7 @@ ExitCode Main(int argc, char** argv) {
 }  // namespace sheaf::cli
 
 int main(int argc, char** argv) {
+  sheaf::NoteProgramStart();
   if (argc == 2 && std::string_view(argv[1]) == sheaf::worker::kSceneProcessFlag) {
     return sheaf::worker::RunDirectSceneProcess();
   }

@@ -21,6 +21,7 @@
 #include "cli/message.h"
 #include "cli/progress_line.h"
 #include "common/base/file.h"
+#include "common/base/load_phases.h"
 #include "common/base/printable.h"
 #include "common/base/status.h"
 #include "common/base/text/shell_quoted.h"
@@ -292,6 +293,7 @@ void ImageSaver::Save(const v1::Job& job) {
 }
 
 void ImageSaver::SaveFrame(const v1::Job& job, size_t i) {
+  const PhaseTimer timer(LoadPhase::kDelivery);
   const v1::Frame& frame = job.frames(static_cast<int>(i));
   absl::StatusOr<Delivered> delivered = Fetch(client_, frame);
   if (!delivered.ok()) {

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "cli/job/foreign_scene.h"
 #include "cli/message.h"
+#include "common/base/load_phases.h"
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
 #include "common/scene/black_image.h"
@@ -104,12 +105,13 @@ absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffo
                                              bool may_share, const SceneDescription& scene,
                                              FileSource& files, FrameSettings* resolved) {
   if (!effort) return std::string();
-  if (resolved->IsStereo()) return ChooseSharing(scene, files, resolved);
   const bool asked = *effort == render::TechniqueEffort::kAsked;
   if (!asked &&
       !render::MayMeasureUnasked(*resolved, render::EstimateMemory(scene, files).TotalBytes())) {
     return std::string();
   }
+  const PhaseTimer timer(LoadPhase::kTechniques, PhaseCpu::kProcess, PhaseExtent::kWhole);
+  if (resolved->IsStereo()) return ChooseSharing(scene, files, resolved);
   const absl::StatusOr<render::TechniqueMeasurement> measured =
       render::MeasureTechniques(scene, *resolved, files, *effort);
   if (!measured.ok()) return asked ? measured.status() : absl::StatusOr<std::string>("");

@@ -53,6 +53,7 @@ struct ReadFrameResult {
   std::set<std::string> outside;
   bool is_photometric = false;
   std::vector<std::string> diagnostics;
+  std::optional<SceneDescription> description;
 };
 
 // Whether a glTF file has lights of its own. Their units are candela and lux; those of environments
@@ -77,8 +78,8 @@ std::optional<render::TechniqueEffort> EffortFor(const JobArguments& arguments) 
 absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t number,
                                           const RenderSettings& settings,
                                           std::optional<render::TechniqueEffort> effort,
-                                          bool may_share, GltfInputs* gltf, FileDigests* digests,
-                                          InputChecks* checks) {
+                                          bool may_share, bool keeps_description, GltfInputs* gltf,
+                                          FileDigests* digests, InputChecks* checks) {
   absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
   if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
@@ -134,6 +135,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
                   read.scene.filter,
                   VisibleEmitters(read.scene, resolved->width_px, resolved->height_px)};
   result.frame.memory_bytes = render::EstimateMemory(read.scene, *file->files).TotalBytes();
+  if (keeps_description) result.description = read.scene;
   absl::Status checked = render::CheckScene(std::move(read.scene), *resolved, *file->files);
   // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
   // scene.
@@ -276,7 +278,7 @@ absl::Status CheckJobArguments(const JobArguments& arguments) {
   return CheckNumbers(arguments, NumberingOf(arguments), *numbers);
 }
 
-absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
+absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments, bool keeps_description) {
   const std::optional<TechniqueSet>& asked = arguments.settings.techniques;
   if (arguments.keep_camera_paths &&
       (arguments.IsStereo() || (asked && ReachesFarPixels(*asked)))) {
@@ -296,6 +298,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
   // Resumed images have no shared paths, and denoisers expect independent pixels.
   const bool may_share = arguments.resume_from.empty() && arguments.denoise_with.empty();
+  keeps_description &= numbers->size() == 1 && arguments.size.IsDefault();
   std::vector<std::optional<absl::StatusOr<ReadFrameResult>>> results(numbers->size());
   std::atomic<size_t> next{0};
   std::atomic<bool> failed{false};
@@ -308,7 +311,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
           results[i].emplace(ReadFrame(scene->Of(number), number, settings, EffortFor(arguments),
-                                       may_share, &gltf, &digests, &checks));
+                                       may_share, keeps_description, &gltf, &digests, &checks));
           if (!results[i]->ok()) failed = true;
         }
       });
@@ -324,6 +327,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments) {
     job.inputs.merge((**result).inputs);
     job.outside.merge((**result).outside);
     job.is_photometric |= (**result).is_photometric;
+    if (keeps_description) job.description = std::move((**result).description);
     for (BlobSource& blob : (**result).blobs) {
       const std::string digest = blob.digest.sha256_hex;
       job.blobs.emplace(digest, std::move(blob));

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -22,6 +23,7 @@
 #include "cli/job/frames/frame_range.h"
 #include "common/content/file_state.h"
 #include "common/scene/film_size.h"
+#include "common/scene/scene_description.h"
 #include "common/scene/settings/render_settings.h"
 #include "coordinator/core/job/job.h"
 
@@ -96,6 +98,8 @@ struct PreparedJob {
   bool is_photometric = false;              // A glTF file with lights in candela and lux.
   std::vector<std::string> diagnostics;     // Notes and warnings of the reader without duplicates.
   std::shared_ptr<DerivedFiles> derived;    // Keeps files among the blobs until they are uploaded.
+  // The scene of a job with one frame, where it was asked for: as its reader returned it.
+  std::optional<SceneDescription> description = {};
 };
 
 // Errors: kInvalidArgument if the names of the images do not match their formats; those of
@@ -107,7 +111,10 @@ absl::Status CheckJobArguments(const JobArguments& arguments);
 // Reads all frames, several concurrently, and hashes every file once. Requires: CheckJobArguments
 // is OK. Errors: kInvalidArgument (a scene has errors: all of them, one per line); kNotFound and
 // kPermissionDenied for files; kFailedPrecondition for files that change meanwhile.
-absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments);
+// keeps_description: whether the result has the description of a job's only scene, which takes as
+// much memory again; not where --size changes it.
+absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments,
+                                       bool keeps_description = false);
 
 // The paths of a frame's image.
 struct ImagePaths {

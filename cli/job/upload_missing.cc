@@ -21,6 +21,7 @@
 #include "cli/job/summary.h"
 #include "cli/progress_line.h"
 #include "common/base/first_error.h"
+#include "common/base/load_phases.h"
 #include "common/base/mutex.h"
 #include "common/content/blob_batch.h"
 
@@ -98,6 +99,7 @@ absl::Status UploadOne(FarmClient* client, const BlobStore* own, const UploadGro
 }  // namespace
 
 absl::Status StoreBlob(const BlobStore& store, const BlobSource& blob) {
+  const PhaseTimer timer(LoadPhase::kStore);
   absl::StatusOr<BlobWriter> writer = store.BeginWrite(blob.digest, 0);
   if (absl::IsAlreadyExists(writer.status())) return absl::OkStatus();
   if (!writer.ok()) return writer.status();

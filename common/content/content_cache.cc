@@ -19,6 +19,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
+#include "common/base/load_phases.h"
 #include "common/base/mutex.h"
 #include "common/base/status.h"
 #include "common/base/surroundings/disk_space.h"
@@ -284,6 +285,7 @@ absl::Status ContentCache::Download(const BlobDigest& digest, const Fetch& fetch
 
 absl::StatusOr<ContentLease> ContentCache::Acquire(const std::vector<ManifestFile>& files,
                                                    const Fetch& fetch, std::stop_token stop) {
+  const PhaseTimer timer(LoadPhase::kFetch);
   FilesByDigest by_digest;
   uint64_t total_bytes = 0;
   for (size_t i = 0; i < files.size(); ++i) {

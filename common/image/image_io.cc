@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/base/file.h"
+#include "common/base/load_phases.h"
 #include "common/image/image_header.h"
 #include "common/image/image_library.h"
 #include "common/image/plain_image.h"
@@ -59,6 +60,7 @@ absl::StatusOr<FloatImage> ReadByLibrary(const std::string& path, const ReadImag
 }  // namespace
 
 absl::StatusOr<FloatImage> ReadImage(const std::string& path, const ReadImageLimits& limits) {
+  const PhaseTimer timer(LoadPhase::kImages);
   if (absl::Status header = CheckImageHeader(path); !header.ok()) return header;
   if (const auto plain = ReadWithoutLibrary(path, limits)) return FloatsOf(*plain);
   return ReadByLibrary(path, limits);

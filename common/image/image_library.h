@@ -30,6 +30,8 @@ class TextureTiles {
   virtual absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding) = 0;
   virtual void ReadTexels(int32_t image, std::span<const TexelIndex> where,
                           std::span<Texel> values) const = 0;
+  // The memory of its tiles now.
+  virtual uint64_t memory_bytes() const = 0;
 };
 
 struct ImageLibrary {

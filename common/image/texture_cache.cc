@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/image/image_header.h"
 #include "common/image/image_library.h"
@@ -49,6 +50,7 @@ absl::Status TextureCache::OpenTiles(Opened* opened) {
 }
 
 absl::StatusOr<TextureImage> TextureCache::Open(const std::string& path, TexelEncoding encoding) {
+  const PhaseTimer timer(LoadPhase::kImages);
   if (absl::Status header = CheckImageHeader(path); !header.ok()) return header;
   for (const Opened& opened : opened_) {
     if (opened.path == path && opened.encoding == encoding) return opened.facts;
@@ -71,6 +73,10 @@ absl::StatusOr<TextureImage> TextureCache::Open(const std::string& path, TexelEn
   opened.facts.index = static_cast<int32_t>(opened_.size());
   opened_.push_back(std::move(opened));
   return opened_.back().facts;
+}
+
+uint64_t TextureCache::memory_bytes() const {
+  return resident_bytes_ + (tiles_ == nullptr ? 0 : tiles_->memory_bytes());
 }
 
 void TextureCache::ReadTexels(int32_t image, std::span<const TexelIndex> where,

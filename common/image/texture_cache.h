@@ -65,6 +65,8 @@ class TextureCache {
   absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding);
 
   bool opens_by_header() const { return bytes_max_ == 0; }
+  // The memory of images and tiles now. Thread safety: as ReadTexels.
+  uint64_t memory_bytes() const;
 
   // values[i] becomes the texel at where[i]. A tile that can no longer be read (the file was
   // changed or removed while in use) gives NaN, which the film counts and reports, and is logged

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
@@ -124,10 +125,11 @@ class DirectScene : public OpenScene {
  public:
   // room_bytes: the memory that is free beside the scene. training_threads: at least 1.
   DirectScene(std::unique_ptr<TableFileSource> source, render::CompiledScenePtr scene,
-              uint64_t room_bytes, uint32_t training_threads)
+              uint64_t room_bytes, uint32_t training_threads, DirectScenes::MemoryWatch watch)
       : source_(std::move(source)),
         scene_(std::move(scene)),
         training_threads_(training_threads),
+        watch_(std::move(watch)),
         light_passes_(room_bytes / kLightPassShare) {}
 
   uint64_t memory_bytes() const override { return render::MemoryBytesOf(*scene_); }
@@ -137,8 +139,18 @@ class DirectScene : public OpenScene {
   }
 
   absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
+    absl::StatusOr<RenderedPart> part = RenderPart(lease, stop);
+    if (watch_ && part.ok()) watch_(render::MemoryOf(*scene_));
+    return part;
+  }
+
+ private:
+  absl::StatusOr<RenderedPart> RenderPart(const Lease& lease, const std::stop_token& stop) const {
+    const bool trains = lease.kind == TaskKind::kTraining;
+    const PhaseTimer timer(trains ? LoadPhase::kTraining : LoadPhase::kSamples,
+                           trains ? PhaseCpu::kProcess : PhaseCpu::kThread);
     render::RenderStats stats;
-    if (lease.kind == TaskKind::kTraining) {
+    if (trains) {
       absl::StatusOr<std::string> field =
           render::TrainGuiding(*scene_, training_threads_, stop, &stats);
       if (!field.ok()) return field.status();
@@ -155,7 +167,6 @@ class DirectScene : public OpenScene {
                         stats.rays, stats.cpu_seconds};
   }
 
- private:
   // The pixels of the lease, as one tile; other pixels are empty.
   absl::StatusOr<FilmTile> RenderCells(const Lease& lease, const std::stop_token& stop,
                                        render::RenderStats* stats) const {
@@ -190,6 +201,7 @@ class DirectScene : public OpenScene {
   std::unique_ptr<TableFileSource> source_;
   render::CompiledScenePtr scene_;
   const uint32_t training_threads_;
+  const DirectScenes::MemoryWatch watch_;
   mutable LightPassGate light_passes_;
 };
 
@@ -205,26 +217,46 @@ MemoryRoom DirectScenes::RoomForScene(const SceneLimits& limits) const {
                        FormatMemory(limits.scene_memory_bytes_max), ")")};
 }
 
+void DirectScenes::Expect(std::string manifest_sha256_hex, SceneDescription description) {
+  const MutexLock lock(&mutex_);
+  expected_ = {std::move(manifest_sha256_hex), std::move(description)};
+}
+
+absl::StatusOr<SceneDescription> DirectScenes::DescriptionOf(const SceneInputs& inputs,
+                                                             FileSource& source) {
+  {
+    const MutexLock lock(&mutex_);
+    if (expected_ && expected_->manifest_sha256_hex == inputs.manifest_sha256_hex) {
+      SceneDescription description = std::move(expected_->description);
+      expected_.reset();
+      return description;
+    }
+  }
+  const MemoryRoom room = RoomForScene(inputs.limits);
+  SceneReaderLimits limits;
+  limits.memory_bytes_max = room.bytes;
+  limits.memory_limit = room.limit;
+  absl::StatusOr<ReadSceneResult> read = ReadSceneByName(inputs.main_file, source, limits);
+  if (!read.ok()) return read.status();
+  return std::move(read->scene);
+}
+
 OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
   auto source = std::make_unique<TableFileSource>(inputs.local_paths);
   const SceneLimits& scene_limits = inputs.limits;
-  const MemoryRoom room = RoomForScene(scene_limits);
-  SceneReaderLimits reader_limits;
-  reader_limits.memory_bytes_max = room.bytes;
-  reader_limits.memory_limit = room.limit;
-  absl::StatusOr<ReadSceneResult> read = ReadSceneByName(inputs.main_file, *source, reader_limits);
-  if (!read.ok()) return Failed(KindOf(read.status()), read.status());
+  absl::StatusOr<SceneDescription> description = DescriptionOf(inputs, *source);
+  if (!description.ok()) return Failed(KindOf(description.status()), description.status());
   if (stop.stop_requested()) {
     return Failed(FailureKind::kReleased, absl::CancelledError("stopped while its scene was read"));
   }
-  const absl::Status fits = CheckEstimate(read->scene, *source, RoomForScene(scene_limits));
+  const absl::Status fits = CheckEstimate(*description, *source, RoomForScene(scene_limits));
   if (!fits.ok()) return Failed(FailureKind::kMemory, fits);
   render::CompileLimits limits;
   limits.texture_cache_bytes_max = scene_limits.texture_memory_bytes_max;
   limits.volume_memory_bytes_max = scene_limits.volume_memory_bytes_max;
   limits.build_threads = scene_limits.build_threads;
   absl::StatusOr<render::CompiledScenePtr> compiled =
-      render::CompileScene(std::move(read->scene), inputs.settings, *source, limits);
+      render::CompileScene(*std::move(description), inputs.settings, *source, limits);
   if (!compiled.ok()) return Failed(KindOf(compiled.status()), compiled.status());
   const uint64_t memory_bytes = render::MemoryBytesOf(**compiled);
   if (memory_bytes > scene_limits.scene_memory_bytes_max) {
@@ -235,7 +267,7 @@ OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
             scene_limits.scene_memory_bytes_max, "; raise it (--scene-memory-max)")));
   }
   return {std::make_unique<DirectScene>(std::move(source), *std::move(compiled), room_now_().bytes,
-                                        std::max(1u, scene_limits.render_threads)),
+                                        std::max(1u, scene_limits.render_threads), watch_),
           absl::OkStatus(), FailureKind::kInternal};
 }
 

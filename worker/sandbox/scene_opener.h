@@ -35,6 +35,7 @@ struct SceneInputs {
   std::map<std::string, std::string> local_paths;  // By canonical name, as in file_source.h.
   FrameSettings settings;
   SceneLimits limits;
+  std::string manifest_sha256_hex = {};  // The manifest that lists the files; empty: unknown.
 };
 
 // A part without its description, which its lease gives.

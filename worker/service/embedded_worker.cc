@@ -46,9 +46,12 @@ AgentOptions MakeAgentOptions(const WorkerOptions& options) {
   return agent;
 }
 
-absl::StatusOr<std::unique_ptr<SceneOpener>> MakeScenes(const SandboxOptions& options) {
-  if (options.mode == SandboxMode::kNone) return std::make_unique<DirectScenes>();
-  return SandboxedScenes::Make(options);
+absl::StatusOr<std::shared_ptr<SceneOpener>> MakeScenes(const WorkerOptions& options) {
+  if (options.scenes != nullptr) return options.scenes;
+  if (options.sandbox.mode == SandboxMode::kNone) return std::make_shared<DirectScenes>();
+  absl::StatusOr<std::unique_ptr<SceneOpener>> scenes = SandboxedScenes::Make(options.sandbox);
+  if (!scenes.ok()) return scenes.status();
+  return std::shared_ptr<SceneOpener>(*std::move(scenes));
 }
 
 }  // namespace
@@ -80,7 +83,7 @@ absl::StatusOr<std::unique_ptr<EmbeddedWorker>> EmbeddedWorker::Open(
                         absl::StrCat(std::string(cache.status().message()),
                                      "; choose another directory with --cache-dir"));
   }
-  absl::StatusOr<std::unique_ptr<SceneOpener>> scenes = MakeScenes(options.sandbox);
+  absl::StatusOr<std::shared_ptr<SceneOpener>> scenes = MakeScenes(options);
   if (!scenes.ok()) return scenes.status();
   return std::unique_ptr<EmbeddedWorker>(new EmbeddedWorker(
       control, data, *std::move(cache), *std::move(scenes), options, MakeAgentOptions(options)));
@@ -89,7 +92,7 @@ absl::StatusOr<std::unique_ptr<EmbeddedWorker>> EmbeddedWorker::Open(
 EmbeddedWorker::EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
                                const std::shared_ptr<grpc::Channel>& data,
                                std::unique_ptr<ContentCache> cache,
-                               std::unique_ptr<SceneOpener> scenes, const WorkerOptions& options,
+                               std::shared_ptr<SceneOpener> scenes, const WorkerOptions& options,
                                const AgentOptions& agent_options)
     : worker_id_(agent_options.worker_id),
       cache_(std::move(cache)),

@@ -46,6 +46,7 @@ struct WorkerOptions {
   bool warns_of_failed_leases = true;  // As in AgentOptions.
   PeerOptions peers;
   SandboxOptions sandbox;  // By default scenes render in this process: they are the user's own.
+  std::shared_ptr<SceneOpener> scenes;  // Opens them; null: as `sandbox` says.
 };
 
 // A turn of the agent waits for one call of Synchronize, which has a deadline of 10 s, and freeing
@@ -76,12 +77,12 @@ class EmbeddedWorker {
  private:
   EmbeddedWorker(const std::shared_ptr<grpc::Channel>& control,
                  const std::shared_ptr<grpc::Channel>& data, std::unique_ptr<ContentCache> cache,
-                 std::unique_ptr<SceneOpener> scenes, const WorkerOptions& options,
+                 std::shared_ptr<SceneOpener> scenes, const WorkerOptions& options,
                  const AgentOptions& agent_options);
 
   const std::string worker_id_;
   const std::unique_ptr<ContentCache> cache_;
-  const std::unique_ptr<SceneOpener> scenes_;
+  const std::shared_ptr<SceneOpener> scenes_;
   const std::unique_ptr<PeerExchange> exchange_;  // Null without reports.
   FrameLoader loader_;
   GrpcCoordinatorLink link_;

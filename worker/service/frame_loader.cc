@@ -202,8 +202,9 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   if (!files.ok()) return Failed(FailureKind::kInfrastructure, files.status());
   fetches.NoteAcquired(manifest->files);
 
-  OpenResult opened =
-      scenes_->Open({manifest->main_file, files->local_paths(), lease.settings, limits_}, stop);
+  OpenResult opened = scenes_->Open(
+      {manifest->main_file, files->local_paths(), lease.settings, limits_, lease.scene.sha256_hex},
+      stop);
   if (opened.scene == nullptr) {
     const absl::Status unchanged = cache_->CheckUnchanged(*files);
     if (!unchanged.ok()) return Failed(FailureKind::kInfrastructure, unchanged);

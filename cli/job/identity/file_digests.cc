@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "common/base/digest.h"
+#include "common/base/load_phases.h"
 #include "common/base/status.h"
 
 namespace sheaf::cli {
@@ -27,6 +28,7 @@ absl::StatusOr<FileDigests::Key> FileDigests::KeyOf(const std::string& path) {
 }
 
 absl::StatusOr<BlobDigest> FileDigests::Of(const std::string& path) {
+  const PhaseTimer timer(LoadPhase::kDigests);
   const absl::StatusOr<Key> before = KeyOf(path);
   if (!before.ok()) return before.status();
   {

@@ -118,6 +118,7 @@ class OpenImageIOTiles final : public TextureTiles {
   absl::StatusOr<TextureImage> Open(const std::string& path, TexelEncoding encoding) override;
   void ReadTexels(int32_t image, std::span<const TexelIndex> where,
                   std::span<Texel> values) const override;
+  uint64_t memory_bytes() const override;
 
  private:
   // The library's record of the calling thread, looked up once per thread and cache.
@@ -232,6 +233,13 @@ absl::StatusOr<TextureImage> OpenImageIOTiles::Open(const std::string& path,
   image->facts.index = static_cast<int32_t>(images_.size());
   images_.push_back(std::move(image));
   return images_.back()->facts;
+}
+
+uint64_t OpenImageIOTiles::memory_bytes() const {
+  int64_t bytes = 0;
+  const bool is_known =
+      cache_->getattribute("stat:cache_memory_used", OIIO::TypeDesc::INT64, &bytes);
+  return is_known && bytes > 0 ? static_cast<uint64_t>(bytes) : 0;
 }
 
 void OpenImageIOTiles::ReadTexels(int32_t image_index, std::span<const TexelIndex> where,

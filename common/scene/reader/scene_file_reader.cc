@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "common/base/file.h"
+#include "common/base/load_phases.h"
 #include "common/base/status.h"
 #include "common/scene/gltf/gltf_reader.h"
 #include "common/scene/gltf/gltf_view.h"
@@ -69,6 +70,7 @@ std::string SceneEndings() {
 
 absl::StatusOr<ReadSceneResult> ReadSceneByName(const std::string& main_file, FileSource& files,
                                                 const SceneReaderLimits& limits) {
+  const PhaseTimer timer(LoadPhase::kRead);
   const SceneFileFormat* const format = FindFormat(main_file);
   return (format == nullptr ? kFormats[0] : *format).read(main_file, files, limits);
 }

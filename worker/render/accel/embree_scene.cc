@@ -15,6 +15,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/load_phases.h"
 #include "worker/render/accel/embree_callbacks.h"
 #include "worker/render/accel/embree_door.h"
 #include "worker/render/geometry/deforming_mesh.h"
@@ -191,6 +192,7 @@ EmbreeScene::~EmbreeScene() = default;
 absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeometry& geometry,
                                                                 uint32_t build_threads,
                                                                 Filters filters) {
+  const PhaseTimer timer(LoadPhase::kTracer, PhaseCpu::kProcess);
   std::unique_ptr<EmbreeScene> result(new EmbreeScene);
   State& state = *result->state_;
   state.filters = filters;

@@ -132,6 +132,8 @@ class LightTable {
   ~LightTable();
 
   uint64_t memory_bytes() const;
+  // The part of the maps of lights from all directions, with their portals.
+  uint64_t environment_bytes() const;
   // True where there are no lights, or all of them are black.
   bool empty() const;
   // Chooses a light and samples a point on it, as seen from p. n: the receiver's geometric normal,

@@ -11,6 +11,7 @@
 #include <variant>
 
 #include "common/base/check.h"
+#include "common/base/load_phases.h"
 #include "common/base/vector_bytes.h"
 #include "common/math/elementary.h"
 #include "worker/render/light/light_reader.h"
@@ -159,7 +160,12 @@ uint64_t LightTable::memory_bytes() const {
     if (const auto* map = std::get_if<IntensityMap>(&intensity)) bytes += map->memory_bytes();
   }
   for (const ProjectedImage& image : impl.projected_images) bytes += image.memory_bytes();
-  for (const InfiniteEmitter& light : impl.infinites) {
+  return bytes + environment_bytes();
+}
+
+uint64_t LightTable::environment_bytes() const {
+  uint64_t bytes = 0;
+  for (const InfiniteEmitter& light : impl_->infinites) {
     if (light.map) bytes += light.map->size_bytes();
     if (light.portal) bytes += light.portal->memory_bytes();
   }
@@ -210,6 +216,7 @@ void LightTable::AssignGroups(const SceneDescription& scene,
 absl::StatusOr<std::unique_ptr<LightTable>> LightTable::Build(const SceneDescription& scene,
                                                               LightTableInput input,
                                                               FileSource& files) {
+  const PhaseTimer timer(LoadPhase::kLights);
   std::unique_ptr<LightTable> table(new LightTable());
   table->impl_ = std::make_unique<Impl>();
   Impl& impl = *table->impl_;

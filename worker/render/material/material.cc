@@ -377,6 +377,8 @@ uint64_t MaterialTable::memory_bytes() const {
   return bytes;
 }
 
+uint64_t MaterialTable::texture_bytes() const { return impl_->cache->memory_bytes(); }
+
 template <uint32_t kTraits>
 float MaterialTable::EvaluateFloat(const FloatInput& input, const TexturePoint& point) const {
   if constexpr (Has(kTraits, Trait::kTextures)) {

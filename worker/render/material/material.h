@@ -68,6 +68,7 @@ class MaterialTable {
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;
   // Without texels, which the texture cache limits separately.
   uint64_t memory_bytes() const;
+  uint64_t texture_bytes() const;  // The texels that are in memory now.
 
   // Maximum nesting depth of mixes.
   static constexpr int kMixDepthMax = 64;

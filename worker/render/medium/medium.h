@@ -164,6 +164,8 @@ class MediumTable {
   };
   EquiangularSpan EquiangularSpanOf(const MediumSet& media, Vec3d o, Vec3d d, double length) const;
   uint64_t memory_bytes() const;
+  // The pages of page files that are in memory now.
+  uint64_t page_bytes() const { return pages_->page_bytes(); }
   // The first error of reading a page of a page file; the media are wrong from then on.
   absl::Status PageStatus() const { return pages_->status(); }
 

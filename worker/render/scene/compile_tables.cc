@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/scene/film_size.h"
 #include "worker/render/gather/merging.h"
@@ -55,6 +56,7 @@ Bounds CameraOrigins(const CompiledScene& scene) {
 
 // Builds the table of media, and finds the light group of their emission.
 absl::Status BuildMedia(FileSource& files, CompileInput* input, CompiledScene* scene) {
+  const PhaseTimer timer(LoadPhase::kMedia, PhaseCpu::kProcess);
   absl::StatusOr<std::unique_ptr<MediumTable>> media =
       MediumTable::Build(scene->description, scene->geometry, std::move(input->velocities), files,
                          {Has(scene->plan.traits, Trait::kSpectral), input->threads,
@@ -105,6 +107,18 @@ absl::Status MakeCameras(FileSource& files, CompiledScene* scene) {
   return absl::OkStatus();
 }
 
+absl::Status BuildMaterials(FileSource& files, uint64_t texture_cache_bytes_max,
+                            CompiledScene* scene) {
+  const PhaseTimer timer(LoadPhase::kMaterials);
+  absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
+      MaterialTable::Build(scene->description, files,
+                           {texture_cache_bytes_max, Has(scene->plan.traits, Trait::kSpectral),
+                            scene->settings.single_scattering});
+  if (!materials.ok()) return materials.status();
+  scene->materials = *std::move(materials);
+  return absl::OkStatus();
+}
+
 // Builds the table of lights, and assigns their groups.
 absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
                          LightTableInput emitters, CompiledScene* scene) {
@@ -125,6 +139,7 @@ absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
 }  // namespace
 
 absl::Status BuildTechniques(CompiledScene* scene) {
+  const PhaseTimer timer(LoadPhase::kLights);
   const FrameSettings& settings = scene->settings;
   if (NeedsTraining(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
   if (!HasLightPaths(settings.techniques)) return absl::OkStatus();
@@ -187,11 +202,10 @@ absl::StatusOr<std::unique_ptr<CompiledScene>> CompileTables(SceneDescription de
   scene->film = FilmResponse::Make(scene->description.film, settings);
   const bool spectral = Has(scene->plan.traits, Trait::kSpectral);
   if (spectral) scene->wavelengths = WavelengthSampler(NarrowBandsOf(scene->description));
-  absl::StatusOr<std::unique_ptr<MaterialTable>> materials =
-      MaterialTable::Build(scene->description, files,
-                           {input.texture_cache_bytes_max, spectral, settings.single_scattering});
-  if (!materials.ok()) return materials.status();
-  scene->materials = *std::move(materials);
+  if (absl::Status built = BuildMaterials(files, input.texture_cache_bytes_max, scene.get());
+      !built.ok()) {
+    return built;
+  }
   if (absl::Status built =
           BuildLights(files, input.techniques, std::move(baked->emitters), scene.get());
       !built.ok()) {

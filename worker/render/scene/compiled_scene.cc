@@ -11,34 +11,15 @@
 #include <variant>
 #include <vector>
 
-#include "common/base/vector_bytes.h"
+#include "common/base/load_phases.h"
 #include "worker/render/medium/file_emission.h"
 #include "worker/render/medium/medium_velocities.h"
 #include "worker/render/scene/compile_tables.h"
 #include "worker/render/scene/displacement.h"
+#include "worker/render/scene/scene_memory.h"
 
 namespace sheaf::render {
 namespace {
-
-uint64_t GeometryBytes(const SceneGeometry& geometry) {
-  uint64_t bytes = 0;
-  for (const GeometryGroup& group : geometry.groups) {
-    for (const BakedMesh& mesh : group.meshes) {
-      bytes += VectorBytes(mesh.positions, mesh.normals, mesh.uvs, mesh.tangents, mesh.colors,
-                           mesh.indices);
-      for (const VertexStep& step : mesh.steps) bytes += VectorBytes(step.positions, step.normals);
-    }
-    for (const BakedPatches& patches : group.patches) {
-      bytes += VectorBytes(patches.positions, patches.normals, patches.uvs, patches.indices);
-    }
-    for (const BakedCurves& curves : group.curves) {
-      bytes += VectorBytes(curves.set.points, curves.set.normals, curves.set.widths, curves.pieces,
-                           curves.rods);
-    }
-    bytes += VectorBytes(group.quadrics);
-  }
-  return bytes + VectorBytes(geometry.still, geometry.moving, geometry.motions);
-}
 
 bool IsLitFromOutside(const SceneDescription& scene) {
   return std::any_of(scene.lights.begin(), scene.lights.end(), [](const LightDescription& light) {
@@ -63,6 +44,7 @@ absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription descr
                                                           FileSource& files,
                                                           const CompileLimits& limits,
                                                           const CompileTechniques& techniques) {
+  const PhaseTimer timer(LoadPhase::kTables);
   CompileInput input;
   input.threads = static_cast<int>(limits.build_threads > 0
                                        ? limits.build_threads
@@ -111,11 +93,9 @@ absl::Status SetTechniques(TechniqueSet techniques, CompiledScene* scene) {
 const RenderPlan& PlanOf(const CompiledScene& scene) { return scene.plan; }
 const FrameSettings& SettingsOf(const CompiledScene& scene) { return scene.settings; }
 uint64_t MemoryBytesOf(const CompiledScene& scene) {
-  return sizeof(CompiledScene) + GeometryBytes(scene.geometry) + scene.tracer->memory_bytes() +
-         scene.materials->memory_bytes() + scene.lights->memory_bytes() +
-         (scene.emission ? scene.emission->memory_bytes() : 0) +
-         (scene.emission_points ? scene.emission_points->memory_bytes() : 0) +
-         (scene.media ? scene.media->memory_bytes() : 0);
+  const SceneMemory memory = MemoryOf(scene);
+  return sizeof(CompiledScene) + memory.mesh_bytes + memory.tracer_bytes + memory.material_bytes +
+         memory.light_bytes + memory.environment_bytes + memory.volume_bytes;
 }
 
 }  // namespace sheaf::render

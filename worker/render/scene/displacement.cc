@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/load_phases.h"
 #include "common/image/texture_cache.h"
 #include "worker/render/geometry/displaced_mesh.h"
 #include "worker/render/material/material.h"
@@ -158,6 +159,7 @@ class Displacer {
 
 absl::Status DisplaceMeshes(FileSource& files, const DisplacementLimits& limits,
                             SceneDescription* scene) {
+  const PhaseTimer timer(LoadPhase::kGeometry);
   UsedTextures used(*scene);
   std::vector<std::pair<int32_t, bool>> displaced;  // Shapes, and whether positions matter.
   for (const int32_t index : UsedShapes(*scene)) {

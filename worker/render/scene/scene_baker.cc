@@ -12,6 +12,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/load_phases.h"
 #include "worker/render/geometry/bounds.h"
 #include "worker/render/geometry/deforming_mesh.h"
 #include "worker/render/scene/shape_baker.h"
@@ -424,6 +425,7 @@ absl::StatusOr<BakedScene> SceneBaker::Bake() {
 }  // namespace
 
 absl::StatusOr<BakedScene> BakeScene(SceneDescription* scene, EmissionMaps maps) {
+  const PhaseTimer timer(LoadPhase::kGeometry);
   return SceneBaker(scene, std::move(maps)).Bake();
 }
 

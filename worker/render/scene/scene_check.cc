@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/base/load_phases.h"
 #include "common/base/log_silence.h"
 #include "worker/render/medium/medium_velocities.h"
 #include "worker/render/plan/render_plan.h"
@@ -51,6 +52,7 @@ void LeaveOutFiles(SceneDescription* scene, FileSource& files) {
 }  // namespace
 
 absl::Status CheckScene(SceneDescription scene, const FrameSettings& settings, FileSource& files) {
+  const PhaseTimer timer(LoadPhase::kCheck, PhaseCpu::kThread, PhaseExtent::kWhole);
   const LogSilence silence;
   LeaveOutFiles(&scene, files);
   CompileInput input;

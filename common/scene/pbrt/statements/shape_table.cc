@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "common/base/load_phases.h"
 #include "common/base/memory_room.h"
 #include "common/scene/formats/ply_reader.h"
 #include "common/scene/loop_subdivision.h"
@@ -113,7 +114,10 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
     const std::optional<Vec3d> origin =
         at->may_move && i == 0 ? std::nullopt : std::optional(at->origin);
     absl::StatusOr<PlyMesh> read = absl::UnknownError("");
-    if (path.ok()) read = ReadPly(*path, limits_, origin);
+    if (path.ok()) {
+      const PhaseTimer timer(LoadPhase::kMeshes);
+      read = ReadPly(*path, limits_, origin);
+    }
     const absl::Status status = path.ok() ? read.status() : path.status();
     if (!status.ok()) {
       const std::string text = absl::StrCat("cannot be read: ", names[i], ": ", status.message());

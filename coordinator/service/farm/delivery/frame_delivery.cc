@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "common/base/cpu_clock.h"
+#include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/film/cryptomatte.h"
 #include "common/film/denoised_output.h"
@@ -180,6 +181,7 @@ absl::Status FrameDelivery::Deliver(const FrameId& id) {
 
 absl::StatusOr<bool> FrameDelivery::Finish(OpenFrame* frame, const FrameId& id,
                                            DeliveredFrame* delivered) {
+  const PhaseTimer timer(LoadPhase::kDelivery);
   const MutexLock lock(&frame->mutex);
   for (uint32_t tile = 0; tile < frame->merge.tile_count(); ++tile) {
     if (frame->merge.Developed(tile)) continue;

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/base/digest.h"
+#include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/core/frame/part_check.h"
@@ -97,6 +98,7 @@ ResultIntake::Pause::~Pause() {
 
 absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
                                                 const std::string& bytes) {
+  const PhaseTimer timer(LoadPhase::kResults);
   if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
   if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
     return Reject(report, "the bytes do not match their digest");

@@ -1,0 +1,29 @@
+// Copyright the Sheaf authors.
+// SPDX-License-Identifier: Apache-2.0
+//
+// SceneMemory: the memory that a compiled scene holds, by kind.
+#pragma once
+
+#include <cstdint>
+
+#include "worker/render/scene/compile_scene.h"
+
+namespace sheaf::render {
+
+struct SceneMemory {
+  uint64_t description_bytes = 0;  // The rest of the scene file: names, shapes, grids.
+  uint64_t mesh_bytes = 0;         // Vertices, indices, curves and where groups are placed.
+  uint64_t tracer_bytes = 0;       // Embree's trees.
+  uint64_t material_bytes = 0;     // Materials and the tables of their scattering.
+  uint64_t texture_bytes = 0;      // Images and tiles that are in memory now.
+  uint64_t light_bytes = 0;        // Lights, their tree, their images, and emission.
+  uint64_t environment_bytes = 0;  // Maps of lights from all directions.
+  uint64_t volume_bytes = 0;       // Grids with their bounds.
+  uint64_t page_bytes = 0;         // Pages of page files that are in memory now.
+  uint64_t guiding_bytes = 0;      // Learned fields; 0 before the training.
+};
+
+// Thread safety: as for rendering.
+SceneMemory MemoryOf(const CompiledScene& scene);
+
+}  // namespace sheaf::render
