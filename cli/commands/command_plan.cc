@@ -1,9 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// sheaf plan: prints which effects a scene needs, which statements need them,
-// and which compiled variant renders it; on request also the cost and the gain
-// of each effect, and what loading takes.
+// sheaf plan: prints which effects a scene needs, which statements need them, and which compiled
+// variant renders it; on request also the cost and the gain of each effect, and what loading takes.
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -25,6 +24,7 @@
 #include "common/base/printable.h"
 #include "common/scene/settings/path_shares.h"
 #include "worker/render/ablation/plan_measurement.h"
+#include "worker/render/ablation/technique_choices.h"
 #include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/medium/file_emission.h"
 #include "worker/render/plan/render_plan.h"
@@ -41,21 +41,19 @@ class PlanCommand : public Command {
         "plan", "Show which effects a scene uses, and which variant renders it");
     AddSettingsOptions(command, &arguments_);
     AddJsonFlag(command, &json_);
-    command->add_flag("--measure", measure_,
-                      "Render with and without each effect to measure its cost "
-                      "and its influence on the image");
+    command->add_flag(
+        "--measure", measure_,
+        "Render with and without each effect to measure its cost and its influence on the image");
     command
         ->add_option("--measure-seconds", measure_seconds_,
                      "Seconds to measure; more seconds give less noise")
         ->check(InRange(render::kMeasureSecondsMin, render::kMeasureSecondsMax))
         ->capture_default_str();
     command->add_flag("--timings", timings_,
-                      "Render one sample a pixel as sheaf render does, and "
-                      "show the time of each "
+                      "Render one sample a pixel as sheaf render does, and show the time of each "
                       "phase of loading");
     command->add_flag("--memory", memory_,
-                      "Render one sample a pixel as sheaf render does, and "
-                      "show what the process' "
+                      "Render one sample a pixel as sheaf render does, and show what the process' "
                       "memory holds");
     command->footer(
         "Examples:\n  sheaf plan room.pbrt\n  sheaf plan room.pbrt --json\n"
@@ -121,7 +119,7 @@ class PlanCommand : public Command {
       const std::string note = render::PageFileNote(memory);
       if (!note.empty()) std::printf("note: %s\n", note.c_str());
       if (arguments_.settings.measure_techniques && !techniques) {
-        std::printf("%s\n", MeasuredLater().c_str());
+        std::printf("%s\n", render::FormatTechniqueChoices().c_str());
       }
       if (measurement) {
         std::printf("\n%s", PrintableLines(render::FormatPlanMeasurement(*measurement)).c_str());
@@ -139,34 +137,8 @@ class PlanCommand : public Command {
                                  FileSource& files) {
     absl::Status checked = InputChecks().Check(*scene, files);
     if (checked.ok()) checked = render::CheckScene(std::move(*scene), settings, files);
-    // Without its library no image can be read; this is not an error of the
-    // scene.
+    // Without its library no image can be read; this is not an error of the scene.
     return absl::IsFailedPrecondition(checked) ? absl::OkStatus() : checked;
-  }
-
-  // Describes --techniques auto before it has measured.
-  static std::string MeasuredLater() {
-    std::string plain;
-    for (const TechniqueSet techniques :
-         {TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided,
-          TechniqueSet::kCameraAndLightGuided}) {
-      absl::StrAppend(&plain, plain.empty() ? "" : ", ", techniques.Name());
-    }
-    std::string more;
-    for (const Technique technique :
-         {Technique::kSplitting, Technique::kLearnedLights, Technique::kProduct,
-          Technique::kEmissionGuiding, Technique::kMerging}) {
-      const std::string name = TechniqueSet::kCameraAndLight.With(technique).Name();
-      absl::StrAppend(&more, more.empty() ? "" : ", ",
-                      name.substr(TechniqueSet::kCameraAndLight.Name().size()));
-    }
-    return absl::StrCat(
-        "techniques: auto measures small images of the frame "
-        "before it is rendered, "
-        "and takes the most efficient of ",
-        plain, "; and of these with ", more,
-        " where the scene has use for it. --measure shows the "
-        "choice and the gains");
   }
 
   static nlohmann::ordered_json MeasurementJson(const render::PlanMeasurement& measurement) {

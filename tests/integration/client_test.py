@@ -120,7 +120,8 @@ class ClientTest(ClientCase):
     def test_plan_says_what_auto_will_measure(self):
         scene = self.write("auto.pbrt", SCENE)
         text = self.expect(run("plan", scene, "--techniques", "auto"), OK).stdout
-        for words in ("camera+light+guiding", "+splitting", "+merging", "--measure shows"):
+        for words in ("camera+light+guiding", "+splitting", "+merging", "+sharing+views",
+                      "--measure shows"):
             self.assertIn(words, text)
         self.assertNotIn("techniques: auto", self.expect(run("plan", scene), OK).stdout)
         plan = self.expect(run("plan", scene, "--techniques", "auto", "--json"), OK).stdout

@@ -12,14 +12,13 @@
 #include "absl/strings/str_format.h"
 #include "common/film/film_tile.h"
 #include "common/scene/settings/path_shares.h"
+#include "worker/render/ablation/technique_choices.h"
 #include "worker/render/ablation/technique_measurement.h"
 #include "worker/render/ablation/technique_pilot.h"
 
 namespace sheaf::render {
 namespace {
 
-constexpr TechniqueSet kShared{Technique::kSharing};
-constexpr TechniqueSet kSharedByViews{Technique::kSharing, Technique::kViews};
 // Dark pixels count against this fraction of the image's mean, as in relMSE.
 constexpr double kSharedDarkFraction = 0.1;
 // The edge of the blocks over which errors are summed: that of the largest usual filters, beyond
@@ -106,7 +105,7 @@ bool HasViews(const CameraDescription& camera) {
 
 bool MayShare(const FrameSettings& settings) {
   FrameSettings shared = settings;
-  shared.techniques = kShared;
+  shared.techniques = kSharedChoice;
   return !shared.one_sequence && WhyNoSharing(shared).empty();
 }
 
@@ -116,15 +115,15 @@ TechniqueSet SharingMeasurement::Best() const {
   };
   if (views && pays(*views) &&
       views->gain >= kCombinationGainMin * (pays(sharing) ? sharing.gain : 1)) {
-    return kSharedByViews;
+    return kSharedByViewsChoice;
   }
-  return pays(sharing) ? kShared : TechniqueSet::kCamera;
+  return pays(sharing) ? kSharedChoice : TechniqueSet::kCamera;
 }
 
 double SharingMeasurement::Gain() const {
   const TechniqueSet best = Best();
   if (best == TechniqueSet::kCamera) return 1;
-  return best == kShared ? sharing.gain : views->gain;
+  return best == kSharedChoice ? sharing.gain : views->gain;
 }
 
 absl::StatusOr<SharingMeasurement> MeasureSharing(const SceneDescription& scene,
@@ -136,14 +135,14 @@ absl::StatusOr<SharingMeasurement> MeasureSharing(const SceneDescription& scene,
   if (!renderer.ok()) return renderer.status();
   const absl::StatusOr<Pilot> without = renderer->Render(TechniqueSet::kCamera);
   if (!without.ok()) return without.status();
-  const absl::StatusOr<Pilot> shared = renderer->Render(kShared);
+  const absl::StatusOr<Pilot> shared = renderer->Render(kSharedChoice);
   if (!shared.ok()) return shared.status();
   const FrameSettings& size = renderer->settings();
   SharingMeasurement result{size.width_px, size.height_px, size.samples, {}, {}};
   const auto width = static_cast<size_t>(size.width_px);
   result.sharing = Efficiencies(*without, *shared, width).Compare();
   if (HasViews(scene.camera)) {
-    const absl::StatusOr<Pilot> by_views = renderer->Render(kSharedByViews);
+    const absl::StatusOr<Pilot> by_views = renderer->Render(kSharedByViewsChoice);
     if (!by_views.ok()) return by_views.status();
     result.views = Efficiencies(*without, *by_views, width).Compare();
   }

@@ -12,6 +12,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "common/base/check.h"
+#include "worker/render/ablation/technique_choices.h"
 #include "worker/render/ablation/technique_judge.h"
 #include "worker/render/ablation/technique_pilot.h"
 
@@ -47,6 +49,7 @@ uint64_t SamplesFor(const FrameSettings& frame, uint64_t per_sample, uint64_t mi
 absl::Status Render(std::initializer_list<TechniqueSet> all, PilotRenderer* renderer,
                     TechniquePilots* pilots) {
   for (const TechniqueSet techniques : all) {
+    SHEAF_CHECK(IsTechniqueChoice(techniques));
     absl::StatusOr<Pilot> pilot = renderer->Render(techniques);
     if (!pilot.ok()) return pilot.status();
     pilots->Add(techniques, *std::move(pilot));
@@ -84,12 +87,12 @@ absl::Status RenderAdditions(const TechniqueMeasurement& found, PilotRenderer* r
 absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, bool may_merge,
                                                    bool thorough, PilotRenderer* renderer) {
   TechniquePilots pilots;
-  absl::Status status =
-      Render({TechniqueSet::kCamera, TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided},
-             renderer, &pilots);
-  if (status.ok() && thorough) {
-    status = Render({TechniqueSet::kCameraAndLightGuided}, renderer, &pilots);
-  } else if (status.ok() && renderer->ChoosesLights()) {
+  absl::Status status = absl::OkStatus();
+  for (const TechniqueSet choice : kPlainChoices) {
+    const bool is_later = choice == TechniqueSet::kCameraAndLightGuided && !thorough;
+    if (status.ok() && !is_later) status = Render({choice}, renderer, &pilots);
+  }
+  if (status.ok() && !thorough && renderer->ChoosesLights()) {
     status = Render({TechniqueSet{Technique::kLearnedLights}}, renderer, &pilots);
   }
   if (status.ok() && !thorough && renderer->MayChooseByProduct()) {
