@@ -18,10 +18,6 @@ namespace sheaf::render {
 namespace {
 
 constexpr Ggx kAllAlphas{-1, -1};
-// Absorption of the melanins at concentration 1, for light of the sRGB primaries. Source: d'Eon et
-// al. 2011, "An Energy-Conserving Hair Reflectance Model", sec. 6.1, as in pbrt-v4.
-constexpr Rgb kEumelaninAbsorption{0.419f, 0.697f, 1.37f};
-constexpr Rgb kPheomelaninAbsorption{0.187f, 0.4f, 1.05f};
 
 class MaterialBuilder {
  public:
@@ -306,50 +302,14 @@ class MaterialBuilder {
     return absl::OkStatus();
   }
 
-  absl::Status CheckRange(const char* name, const FloatOperand& operand, float low, float high) {
-    if (operand.texture != kNone || (operand.value >= low && operand.value <= high)) {
-      return absl::OkStatus();
-    }
-    return Error(absl::StrCat(name, " ", operand.value, " must lie in [", low, ", ", high, "]"));
-  }
-
   absl::Status Fill(const HairMaterial& d, CompiledMaterial* m) {
     m->kind = BsdfKind::kHair;
-    CompiledHair& hair = tables_.hairs.emplace_back();
+    absl::StatusOr<CompiledHair> compiled = CompileHair(d, textures_);
+    if (!compiled.ok()) return Error(std::string(compiled.status().message()));
+    CompiledHair& hair = tables_.hairs.emplace_back(*std::move(compiled));
     m->hair = &hair;
-    hair.pigment = d.pigment;
-    if (d.pigment == HairMaterial::Pigment::kReflectance) {
-      if (absl::Status s = SetFraction("reflectance", d.color, &hair.color); !s.ok()) return s;
-    } else if (d.pigment == HairMaterial::Pigment::kAbsorption) {
-      hair.color = textures_.Operand(d.color, ColorRole::kUnbounded);
-      if (hair.color.texture == kNone && !IsFinite(hair.color.value)) {
-        return Error("sigma_a must be a finite number");
-      }
-    } else {
-      ColorInput absorption;
-      absorption.value.rgb = kEumelaninAbsorption;
-      hair.eumelanin_absorption = textures_.Operand(absorption, ColorRole::kUnbounded);
-      absorption.value.rgb = kPheomelaninAbsorption;
-      hair.pheomelanin_absorption = textures_.Operand(absorption, ColorRole::kUnbounded);
-    }
-    constexpr float kConcentrationMax = HairMaterial::kConcentrationMax;
-    const struct {
-      const char* name;
-      const FloatInput& input;
-      FloatOperand* operand;
-      float low, high;
-    } numbers[] = {{"eumelanin", d.eumelanin, &hair.eumelanin, 0, kConcentrationMax},
-                   {"pheomelanin", d.pheomelanin, &hair.pheomelanin, 0, kConcentrationMax},
-                   {"eta", d.eta, &hair.eta, HairMaterial::kIndexMin, HairMaterial::kIndexMax},
-                   {"beta_m", d.beta_m, &hair.beta_m, 0, 1},
-                   {"beta_n", d.beta_n, &hair.beta_n, 0, 1},
-                   {"alpha", d.alpha_degrees, &hair.alpha_degrees, -90, 90}};
-    for (const auto& number : numbers) {
-      *number.operand = textures_.Operand(number.input);
-      absl::Status status = CheckRange(number.name, *number.operand, number.low, number.high);
-      if (!status.ok()) return status;
-    }
-    return absl::OkStatus();
+    if (d.pigment != HairMaterial::Pigment::kReflectance) return absl::OkStatus();
+    return SetFraction("reflectance", d.color, &hair.color);
   }
 
   absl::Status Fill(const MeasuredMaterial& d, CompiledMaterial* m) {

@@ -19,6 +19,7 @@
 #include "common/scene/half_space.h"
 #include "worker/render/bsdf/fresnel.h"
 #include "worker/render/bsdf/measured_brdf.h"
+#include "worker/render/material/hair.h"
 #include "worker/render/material/material.h"
 #include "worker/render/material/principled.h"
 #include "worker/render/material/texture_program.h"
@@ -30,15 +31,6 @@ template <typename Color>
 struct SurfaceInputs {
   Color color, eta, k;
   float roughness_u = 0, roughness_v = 0;
-};
-
-// The parameters of a hair material.
-struct CompiledHair {
-  HairMaterial::Pigment pigment{};
-  ColorOperand color;  // Absorption or reflectance; unused for melanins.
-  FloatOperand eumelanin, pheomelanin, eta, beta_m, beta_n, alpha_degrees;
-  // Absorption of each melanin at concentration 1.
-  ColorOperand eumelanin_absorption, pheomelanin_absorption;
 };
 
 struct CompiledMaterial {
