@@ -23,6 +23,7 @@
 #include "cli/profile/memory_account.h"
 #include "common/base/printable.h"
 #include "common/scene/settings/path_shares.h"
+#include "common/scene/settings/ray_visibility_check.h"
 #include "worker/render/ablation/plan_measurement.h"
 #include "worker/render/ablation/technique_choices.h"
 #include "worker/render/ablation/technique_measurement.h"
@@ -83,10 +84,12 @@ class PlanCommand : public Command {
                                      "+sharing or +mutations of --techniques"));
     }
     if (measure_) {
-      absl::StatusOr<render::TechniqueMeasurement> compared = render::MeasureTechniques(
-          scene, opened.settings, *opened.file.files, render::TechniqueEffort::kAsked);
-      if (!compared.ok()) return ReportSceneError(compared.status());
-      techniques = *std::move(compared);
+      if (FirstInvisible(scene) == nullptr) {
+        absl::StatusOr<render::TechniqueMeasurement> compared = render::MeasureTechniques(
+            scene, opened.settings, *opened.file.files, render::TechniqueEffort::kAsked);
+        if (!compared.ok()) return ReportSceneError(compared.status());
+        techniques = *std::move(compared);
+      }
       if (absl::Status status = CheckCameraPaths("measurements of effects", scene, opened.settings);
           !status.ok()) {
         return ReportError(ExitCode::kUsage, status);
@@ -104,7 +107,7 @@ class PlanCommand : public Command {
     }
     if (json_) {
       nlohmann::ordered_json json =
-          PlanJson(plan, opened.settings, arguments_.settings.measure_techniques, memory,
+          PlanJson(plan, opened.settings, arguments_.settings.measure_techniques, memory, volumes,
                    measurement, techniques);
       if (timings_) json["timings"] = LoadTimesJson(first->times);
       if (memory_) json["memory_account"] = MemoryAccountJson(first->memory);
@@ -236,7 +239,7 @@ class PlanCommand : public Command {
   // is_auto: the frame's techniques are those that a measurement chooses.
   static nlohmann::ordered_json PlanJson(
       const render::RenderPlan& plan, const FrameSettings& settings, bool is_auto,
-      const render::MemoryEstimate& memory,
+      const render::MemoryEstimate& memory, const std::vector<VolumeExtent>& volumes,
       const std::optional<render::PlanMeasurement>& measurement,
       const std::optional<render::TechniqueMeasurement>& techniques) {
     nlohmann::ordered_json json = {{"variant", plan.variant_name},

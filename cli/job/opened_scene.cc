@@ -14,6 +14,7 @@
 #include "common/scene/black_image.h"
 #include "common/scene/film_size.h"
 #include "common/scene/reader/scene_file_reader.h"
+#include "common/scene/settings/ray_visibility_check.h"
 #include "coordinator/core/job/job_check.h"
 #include "worker/render/ablation/sharing_measurement.h"
 #include "worker/render/ablation/technique_measurement.h"
@@ -105,6 +106,11 @@ absl::StatusOr<std::string> ChooseTechniques(std::optional<render::TechniqueEffo
                                              bool may_share, const SceneDescription& scene,
                                              FileSource& files, FrameSettings* resolved) {
   if (!effort) return std::string();
+  if (FirstInvisible(scene) != nullptr) {
+    if (*effort != render::TechniqueEffort::kAsked) return std::string();
+    resolved->techniques = TechniqueSet::kCamera;
+    return std::string("techniques: camera, as some rays do not see all of the scene");
+  }
   const bool asked = *effort == render::TechniqueEffort::kAsked;
   if (!asked &&
       !render::MayMeasureUnasked(*resolved, render::EstimateMemory(scene, files).TotalBytes())) {

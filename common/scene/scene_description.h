@@ -24,6 +24,7 @@
 #include "common/scene/material_description.h"
 #include "common/scene/medium_description.h"
 #include "common/scene/pattern_textures.h"
+#include "common/scene/ray_kinds.h"
 
 namespace sheaf {
 
@@ -164,6 +165,7 @@ struct ShapeDescription {
   MediumBoundary media;
   SourceLocation location;
   int32_t matte_name = kNone;  // Index in matte_names, where the scene gives a name.
+  RayKinds invisible = 0;      // The kinds of rays that do not see the shape.
 };
 struct ObjectDefinition {
   std::string name;
@@ -252,6 +254,7 @@ struct LightDescription {
   Matrix4 world_from_light;
   SourceLocation location;
   std::string group = kDefaultLightGroup;
+  RayKinds invisible = 0;  // The kinds of rays that do not see the light; never kShadow.
 };
 
 // --- Camera and film ---------------------------------------------------------------------------

@@ -102,7 +102,7 @@ struct Cost {
   double error = 0, seconds = 0;
   double Product() const { return error * seconds; }
 };
-template <uint32_t kTraits, DirectLight kDirectLight = DirectLight::kByBoth>
+template <TraitBits kTraits, DirectLight kDirectLight = DirectLight::kByBoth>
 Cost Measure(const CompiledScene& scene) {
   const FrameSettings& settings = SettingsOf(scene);
   FilmTile tile(settings.window, {0, settings.samples});

@@ -24,7 +24,7 @@ namespace {
 
 struct Ablated {
   std::string name;  // Name of the trait.
-  uint32_t traits = 0;
+  TraitBits traits = 0;
   RenderRowFunction row = nullptr;
 };
 std::vector<Ablated> AllAblated() {
@@ -174,7 +174,7 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
   uint32_t counted = 0;
   for (const Ablated& ablated : AllAblated()) {
     for (const Variant& variant : AllVariants()) {
-      const uint32_t ablated_traits = variant.traits & ~ablated.traits;
+      const TraitBits ablated_traits = variant.traits & ~ablated.traits;
       const bool is_one = (ablated_traits & (ablated_traits - 1)) == 0;
       if ((ablated.traits & ~variant.traits) == 0 && is_one) counted |= ablated_traits;
     }
@@ -184,12 +184,12 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
     if (!IsGeneric(variant)) all |= variant.traits;
   }
   const std::vector<Variant> variants = AllVariants();
-  for (uint32_t traits = all; traits != 0; traits = (traits - 1) & all) {
+  for (TraitBits traits = all; traits != 0; traits = (traits - 1) & all) {
     const Variant& variant = variants[ChooseVariant(traits, false)];
     if (IsGeneric(variant)) continue;
     // Scenes with media share a few variants, which no other scenes use.
-    constexpr uint32_t kOfMedia = TraitSet(Trait::kMedia, Trait::kHeterogeneousMedia,
-                                           Trait::kChromaticMedia, Trait::kEmissiveMedia);
+    constexpr TraitBits kOfMedia = TraitSet(Trait::kMedia, Trait::kHeterogeneousMedia,
+                                            Trait::kChromaticMedia, Trait::kEmissiveMedia);
     if (Has(variant.traits, Trait::kMedia)) {
       EXPECT_NE(traits & kOfMedia, 0u) << variant.name << " for " << traits;
       continue;

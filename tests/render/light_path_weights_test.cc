@@ -42,7 +42,7 @@ struct Path {
   Vec3f arrives_along{};  // The light path, at points[0].
 };
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 class WeightsTest : public ::testing::Test {
  protected:
   using FromLight =
@@ -106,7 +106,7 @@ class WeightsTest : public ::testing::Test {
   RayCounts counts_;
 };
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 template <typename C>
 SurfaceVertex<C>* WeightsTest<kTraits>::NextSurface(const Context<C>& c, PathState<C>* path,
                                                     Vertex<C>* vertex) {
@@ -118,7 +118,7 @@ SurfaceVertex<C>* WeightsTest<kTraits>::NextSurface(const Context<C>& c, PathSta
   }
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, double>>* paths) {
   const Sampler sampler(7, 0, 0, index);
   LightGroups<Rgb> groups;
@@ -151,7 +151,7 @@ void WeightsTest<kTraits>::AddPaths(uint64_t index, std::vector<std::pair<Path, 
   }
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 Weights WeightsTest<kTraits>::WeightsAt(const Context<FromCamera>& c,
                                         const SurfaceVertex<FromCamera>& at, Vec3f wi,
                                         const LightEnd& end, PathState<FromCamera>* path) {
@@ -196,7 +196,7 @@ Weights WeightsTest<kTraits>::WeightsAt(const Context<FromCamera>& c,
   return weights;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 std::optional<Weights> WeightsTest<kTraits>::FromTheCamera(const Path& followed) {
   const Sampler sampler(8, 0, 0, 0);
   LightGroups<Rgb> groups;
@@ -209,7 +209,7 @@ std::optional<Weights> WeightsTest<kTraits>::FromTheCamera(const Path& followed)
   return FollowFrom(c, followed, NextSurface(c, &path, &vertex), &path);
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 std::optional<Weights> WeightsTest<kTraits>::FollowFrom(const Context<FromCamera>& c,
                                                         const Path& followed,
                                                         SurfaceVertex<FromCamera>* at,
@@ -236,7 +236,7 @@ std::optional<Weights> WeightsTest<kTraits>::FollowFrom(const Context<FromCamera
 // The mirror of AddMirror.
 constexpr double kMirrorX = 1.8;
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 std::optional<Weights> WeightsTest<kTraits>::InTheMirror(const Path& followed) {
   const Sampler sampler(9, 0, 0, 0);
   LightGroups<Rgb> groups;
@@ -277,7 +277,7 @@ std::optional<Weights> WeightsTest<kTraits>::InTheMirror(const Path& followed) {
   return weights;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void WeightsTest<kTraits>::ExpectSumsOfOneInMirror(const std::vector<TestScene>& scenes) {
   int compared = 0, longest = 0, merged = 0, off = 0;
   for (const TestScene& scene : scenes) {
@@ -305,7 +305,7 @@ void WeightsTest<kTraits>::ExpectSumsOfOneInMirror(const std::vector<TestScene>&
   EXPECT_GE(longest, 3);
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void WeightsTest<kTraits>::ExpectSumsOfOne(const std::vector<TestScene>& scenes,
                                            uint64_t light_paths) {
   int compared = 0, followed = 0, longest = 0, off = 0, from_media = 0;
@@ -367,7 +367,7 @@ std::vector<TestScene> MirroredScenes() {
   return scenes;
 }
 
-constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
+constexpr TraitBits kPlainTraits = CommonTraits(false, false, false, false);
 using LightPathWeightsTest = WeightsTest<kPlainTraits>;
 using GuidedPathWeightsTest = WeightsTest<Guided(kPlainTraits)>;
 using LearnedLightsWeightsTest = WeightsTest<LearnedLights(kPlainTraits)>;

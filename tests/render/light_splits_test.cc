@@ -142,7 +142,7 @@ TEST(LightSplitsTest, TheLimitHalvesWithEachScattering) {
 
 // Follows camera paths, samples all parts of the lights at each vertex, and weighs each sample by
 // both techniques.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 class WeightsOf {
  public:
   using C = IntegratorConfig<kTraits, const EmbreeScene, DirectLight::kByBoth>;

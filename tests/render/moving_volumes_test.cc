@@ -260,7 +260,7 @@ TEST(MovingVolumesTest, PlanNamesTheMovingVolume) {
   for (const Trait trait : {Trait::kMovingVolumes, Trait::kMotion}) {
     const auto without = Ablate(trait, t.scene, settings, files);
     ASSERT_TRUE(without.ok()) << without.status();
-    const uint32_t rest = MakeRenderPlan(without->scene, without->settings).traits;
+    const TraitBits rest = MakeRenderPlan(without->scene, without->settings).traits;
     EXPECT_EQ(rest, plan.traits & ~TraitSet(Trait::kMovingVolumes, Trait::kMotion));
   }
   // The variants for scenes without motion do not contain it.

@@ -25,7 +25,7 @@ namespace {
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kTolerance = 1e-4;
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 class PathDensityTest : public FollowedPaths<kTraits> {
  protected:
   using typename FollowedPaths<kTraits>::Carried;
@@ -43,7 +43,7 @@ class PathDensityTest : public FollowedPaths<kTraits> {
   double worst_ = 0;
 };
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 bool PathDensityTest<kTraits>::Agrees(const Found& found, const Carried& carried) {
   const double hit = LogDensityOf(found.path, FindsBy::kHit, *this->compiled_),
                sample = LogDensityOf(found.path, FindsBy::kLightSample, *this->compiled_),
@@ -79,7 +79,7 @@ bool PathDensityTest<kTraits>::Agrees(const Found& found, const Carried& carried
   return agrees;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void PathDensityTest<kTraits>::ExpectDensities(const std::vector<DensityScene>& scenes,
                                                TechniqueSet techniques, uint64_t light_paths,
                                                double off_max) {
@@ -145,7 +145,7 @@ void PathDensityTest<kTraits>::ExpectDensities(const std::vector<DensityScene>& 
   std::printf("largest error of a ratio: %.2g\n", worst_);
 }
 
-constexpr uint32_t kPlainTraits = CommonTraits(false, false, false, false);
+constexpr TraitBits kPlainTraits = CommonTraits(false, false, false, false);
 using SurfaceDensityTest = PathDensityTest<kPlainTraits>;
 using SkyDensityTest = PathDensityTest<CommonTraits(true, false, false, true)>;
 using MediumDensityTest = PathDensityTest<kColoredMediaTraits>;

@@ -69,7 +69,7 @@ TestScene Everything() {
   t.scene.shapes.back().alpha.value = 0.5f;
   const int32_t tilted = t.Quad({-1, 0.1f, 1}, {1, 0.1f, 1}, {1, 0.1f, 2}, {-1, 0.1f, 2});
   t.scene.meshes.back().normals.assign(4, Normalize(Vec3f{0.5f, 1, 0}));
-  t.AddShape(MeshShape{tilted}, t.Diffuse(Rgb::Gray(0.5f)));
+  t.AddShape(MeshShape{tilted}, t.Diffuse(Rgb::Gray(0.5f))).invisible = BitOf(RayKind::kGlossy);
   ObjectDefinition object;
   object.name = "ball";
   object.shapes = {static_cast<int32_t>(t.scene.shapes.size())};
@@ -92,12 +92,12 @@ TEST(AblateTest, EveryEffectCanBeAblatedAlone) {
     const absl::StatusOr<AblatedScene> without = Ablate(effect.trait, t.scene, settings, files);
     ASSERT_TRUE(without.ok()) << effect.name << ": " << without.status();
     EXPECT_FALSE(without->how.empty()) << effect.name;
-    const uint32_t rest = MakeRenderPlan(without->scene, without->settings).traits;
-    uint32_t allowed = static_cast<uint32_t>(effect.trait);
+    const TraitBits rest = MakeRenderPlan(without->scene, without->settings).traits;
+    TraitBits allowed = static_cast<TraitBits>(effect.trait);
     // Coats use microfacets too.
     if (effect.trait == Trait::kMicrofacet) allowed |= TraitSet(Trait::kLayered);
     EXPECT_EQ(rest | allowed, whole.traits) << effect.name;
-    EXPECT_EQ(rest & static_cast<uint32_t>(effect.trait), 0u) << effect.name;
+    EXPECT_EQ(rest & static_cast<TraitBits>(effect.trait), 0u) << effect.name;
     EXPECT_NE(Compile(without->scene, without->settings), nullptr) << effect.name;
   }
 }
@@ -110,7 +110,7 @@ TEST(AblateTest, DeformationIsAblatedAlone) {
   floor.steps.push_back({floor.positions, {}});
   floor.steps[0].positions[0].y = 0.5f;
   const FrameSettings settings = SquareSettings(8, 1, 3);
-  const uint32_t whole = MakeRenderPlan(t.scene, settings).traits;
+  const TraitBits whole = MakeRenderPlan(t.scene, settings).traits;
   EXPECT_TRUE(Has(whole, Trait::kDeformation));
   TableFileSource files({});
   const auto rest = [&](Trait trait) {

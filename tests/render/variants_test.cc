@@ -99,7 +99,7 @@ TEST_P(EveryVariantTest, GivesTheGenericImage) {
     FrameSettings settings = SquareSettings(16, 16, 6);
     settings.color = GetParam();
     const CompiledScenePtr scene = Compile(t.scene, settings);
-    const uint32_t traits = PlanOf(*scene).traits;
+    const TraitBits traits = PlanOf(*scene).traits;
     const size_t generic_index = ChooseVariant(traits, true);
     const FilmTile generic = RenderWith(*scene, generic_index);
     EXPECT_GT(MeanOf(generic).mean.g, 0.01f) << c.name;

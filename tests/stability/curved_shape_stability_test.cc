@@ -297,7 +297,7 @@ TEST(CurvedShapeStability, RectanglesEmitAsTriangles) {
   };
   const FrameSettings settings = SquareSettings(12, 16, 4);
   const CompiledScenePtr patch = Compile(room(true).scene, settings);
-  EXPECT_EQ(PlanOf(*patch).traits, static_cast<uint32_t>(Trait::kAreaLights));
+  EXPECT_EQ(PlanOf(*patch).traits, static_cast<TraitBits>(Trait::kAreaLights));
   const FilmTile image = RenderAll(*patch);
   EXPECT_GT(MeanOf(image).mean.g, 0.01f);
   EXPECT_TRUE(image == RenderAll(*Compile(room(false).scene, settings)));

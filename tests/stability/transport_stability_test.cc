@@ -418,8 +418,8 @@ TEST(TransportStability, M5GlassOfIndexOneIsInvisible) {
   thin.eta.mean = 1;
   const FilmTile boxes[] = {RoomWithBox(smooth, &plan), RoomWithBox(rough, &plan),
                             RoomWithBox(thin, &plan)};
-  EXPECT_TRUE(plan.traits & static_cast<uint32_t>(Trait::kAlpha));
-  EXPECT_FALSE(plan.traits & static_cast<uint32_t>(Trait::kSpecularTransmission));
+  EXPECT_TRUE(plan.traits & static_cast<TraitBits>(Trait::kAlpha));
+  EXPECT_FALSE(plan.traits & static_cast<TraitBits>(Trait::kSpecularTransmission));
   for (const FilmTile& box : boxes) EXPECT_TRUE(box == passed);
   for (const FilmChannel c : {FilmChannel::kRedHi, FilmChannel::kGreenHi, FilmChannel::kBlueHi,
                               FilmChannel::kAlpha, FilmChannel::kDepth}) {

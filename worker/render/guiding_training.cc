@@ -173,7 +173,7 @@ class Training {
     return paths;
   }
   static TrainingFunction FunctionFor(const CompiledScene& scene) {
-    const uint32_t traits = scene.plan.traits;
+    const TraitBits traits = scene.plan.traits;
     const bool generic = scene.settings.force_generic_variant;
     if (scene.emission == nullptr) return TrainingFunctionOf(ChooseVariant(traits, generic));
     return TrainingBesideLightOf(ChooseLightPathVariant(traits, generic));

@@ -15,6 +15,7 @@
 #include "common/scene/pbrt/scene_builder.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
 #include "common/scene/pbrt/statements/light_parameters.h"
+#include "common/scene/pbrt/statements/ray_visibility.h"
 #include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
@@ -263,13 +264,14 @@ void SceneBuilder::Shape(const std::string& type, std::vector<Parameter> own,
     shape.has_alpha = true;
     shape.alpha = textures_.GetFloatInput(parameters, "alpha", 1);
   }
+  shape.invisible = GetInvisible(parameters);
   if (state_.area_light != kNone) {
     if (open_object_ != kNone) {
       diagnostics_->Warning(location,
                             "shapes of an object emit no light; the area light is ignored here. In "
                             "pbrt-v4 they shine "
                             "where they are seen, but light nothing");
-    } else if (materials_.IsInterface(state_.material)) {
+    } else if (materials_.IsInterface(state_.material) && shape.invisible == 0) {
       diagnostics_->Warning(location,
                             "shapes of the material interface emit no light, as in pbrt-v4; the "
                             "area light is ignored here");

@@ -16,6 +16,7 @@
 #include "common/film/denoised_output.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "common/scene/settings/path_shares.h"
+#include "common/scene/settings/ray_visibility_check.h"
 #include "common/scene/settings/stereo.h"
 #include "common/scene/spectrum/primaries.h"
 #include "common/scene/spectrum/sensor.h"
@@ -216,6 +217,9 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   resolved.light_samples = settings.light_samples == 1 ? 0 : settings.light_samples;
   resolved.techniques =
       settings.techniques.value_or(TechniquesOfIntegrator(scene.sampling.integrator));
+  if (!settings.techniques && FirstInvisible(scene) != nullptr) {
+    resolved.techniques = KnowingRayKinds(resolved.techniques);
+  }
   resolved.force_generic_variant = settings.force_generic_variant;
   resolved.primaries = settings.primaries.value_or(scene.film.primaries);
   resolved.white_balance_k = scene.film.white_balance_k;
@@ -249,6 +253,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
     if (absl::Status status = MakeStereo(scene, settings, &resolved); !status.ok()) return status;
   }
   if (absl::Status status = CheckSharing(resolved); !status.ok()) return status;
+  if (absl::Status status = CheckRayVisibility(scene, resolved); !status.ok()) return status;
   return resolved;
 }
 

@@ -23,7 +23,7 @@
 
 namespace sheaf::render {
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 class FollowedPaths : public ::testing::Test {
  protected:
   using Stored = StoredPath<kTraits>;
@@ -110,7 +110,7 @@ class FollowedPaths : public ::testing::Test {
 
 // --- From the light ------------------------------------------------------------------------------
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 template <typename V>
 void FollowedPaths<kTraits>::Connect(const Context<FromLight>& c, const V& at,
                                      const PathState<FromLight>& path, const Found& so_far,
@@ -132,7 +132,7 @@ void FollowedPaths<kTraits>::Connect(const Context<FromLight>& c, const V& at,
   added.weight = ConnectionWeight(c, added.camera_over_light);
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 template <typename V>
 void FollowedPaths<kTraits>::ConnectInMirror(const Context<FromLight>& c, const V& at,
                                              const PathState<FromLight>& path, const Found& so_far,
@@ -170,7 +170,7 @@ void FollowedPaths<kTraits>::ConnectInMirror(const Context<FromLight>& c, const 
   }
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void FollowedPaths<kTraits>::Merge(float radius, Found* found) {
   const Sampler sampler(kSeed, 0, 0, found->index);
   LightGroups<Color> groups;
@@ -184,7 +184,7 @@ void FollowedPaths<kTraits>::Merge(float radius, Found* found) {
   found->weight = ConnectionWeight(c, found->camera_over_light);
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void FollowedPaths<kTraits>::AddPaths(uint64_t index, std::vector<Found>* found) {
   const Sampler sampler(kSeed, 0, 0, index);
   LightGroups<Color> groups;
@@ -229,7 +229,7 @@ void FollowedPaths<kTraits>::AddPaths(uint64_t index, std::vector<Found>* found)
 // --- From the lens -------------------------------------------------------------------------------
 
 // At p, where a medium scatters the path, behind null interfaces.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 bool FollowedPaths<kTraits>::ReachInMedium(const Context<FromLens>& c,
                                            const MediumVertex<FromLight>& met, Vec3f p,
                                            typename Stored::Place* place,
@@ -253,7 +253,7 @@ bool FollowedPaths<kTraits>::ReachInMedium(const Context<FromLens>& c,
   return true;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 bool FollowedPaths<kTraits>::MeetPlace(const Context<FromLens>& c, Found* found, size_t i,
                                        PathState<FromLens>* path) {
   Vertex<FromLens>* vertex = &found->path.places[i].from_lens;
@@ -289,7 +289,7 @@ bool FollowedPaths<kTraits>::MeetPlace(const Context<FromLens>& c, Found* found,
   return surface != nullptr && Length(surface->point.p - p) <= 1e-4f * (1 + Length(p));
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 template <typename V>
 bool FollowedPaths<kTraits>::Pass(const Context<FromLens>& c, const V& at, Vec3f wi,
                                   typename Stored::Place* place, PathState<FromLens>* path) {
@@ -321,7 +321,7 @@ bool FollowedPaths<kTraits>::Pass(const Context<FromLens>& c, const V& at, Vec3f
   return true;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 template <typename V>
 void FollowedPaths<kTraits>::CarriedByLine(const Context<FromLens>& c, const V& at,
                                            const LightSampleOf<Color>& light,
@@ -342,7 +342,7 @@ void FollowedPaths<kTraits>::CarriedByLine(const Context<FromLens>& c, const V& 
   }
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 template <typename V>
 std::optional<typename FollowedPaths<kTraits>::Carried> FollowedPaths<kTraits>::CarriedToMedium(
     const Context<FromLens>& c, const V& at, Found* found, PathState<FromLens>* path) {
@@ -363,7 +363,7 @@ std::optional<typename FollowedPaths<kTraits>::Carried> FollowedPaths<kTraits>::
   return carried;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 template <typename V>
 std::optional<typename FollowedPaths<kTraits>::Carried> FollowedPaths<kTraits>::CarriedTo(
     const Context<FromLens>& c, const V& at, const PathState<FromLens>& before, Found* found,
@@ -410,7 +410,7 @@ std::optional<typename FollowedPaths<kTraits>::Carried> FollowedPaths<kTraits>::
   return carried;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 std::optional<typename FollowedPaths<kTraits>::Carried> FollowedPaths<kTraits>::Follow(
     Found* found) {
   const Sampler sampler(kSeed, 0, 0, found->index);

@@ -31,7 +31,7 @@
 namespace sheaf::render {
 
 // The path from the lens through places x1, x2 ... x(k-1) to the light xk.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 struct StoredPath {
   using FromLens = IntegratorConfig<kTraits, const EmbreeScene, DirectLight::kByBoth,
                                     PathKind::kCameraBesideLight>;
@@ -66,7 +66,7 @@ auto WithScatterer(const Vertex<C>& vertex, const F& f) {
   return f(std::get<SurfaceVertex<C>>(vertex));
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 class PathDensities {
  public:
   using FromLens = typename StoredPath<kTraits>::FromLens;
@@ -339,7 +339,7 @@ class PathDensities {
 };
 
 // -infinity where the technique does not find the path.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 double LogDensityOf(const StoredPath<kTraits>& path, FindsBy technique,
                     const CompiledScene& scene) {
   const PathDensities<kTraits> densities(path, scene);

@@ -13,7 +13,7 @@
 namespace sheaf::render {
 
 // The sample of a smooth lobe that leads towards w.
-template <uint32_t kTraits, typename C>
+template <TraitBits kTraits, typename C>
 std::optional<BsdfSampleOf<typename C::Color>> SpecularSample(const SurfaceVertex<C>& at, Vec3f w) {
   const auto sample_by = [&](float u_lobe) {
     if constexpr (C::kPerturbedNormals) {

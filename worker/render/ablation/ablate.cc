@@ -191,6 +191,11 @@ void RemoveVertexNormals(SceneDescription* scene) {
   for (BilinearMesh& mesh : scene->bilinear_meshes) mesh.normals.clear();
 }
 
+void ShowEverything(SceneDescription* scene) {
+  for (ShapeDescription& shape : scene->shapes) shape.invisible = 0;
+  for (LightDescription& light : scene->lights) light.invisible = 0;
+}
+
 void EmitUniformly(SceneDescription* scene) {
   for (AreaLightDescription& light : scene->area_lights) light.file.clear();
   for (ShapeDescription& shape : scene->shapes) {
@@ -370,6 +375,8 @@ constexpr Change kChanges[] = {
      [](AblatedScene* without) { MakeDiffuseWhatNeeds<Trait::kPrincipled>(&without->scene); }},
     {Trait::kVertexNormals, "meshes are faceted",
      [](AblatedScene* without) { RemoveVertexNormals(&without->scene); }},
+    {Trait::kRayVisibility, "all rays see all shapes and lights",
+     [](AblatedScene* without) { ShowEverything(&without->scene); }},
 };
 // Textures need files.
 static_assert(std::size(kChanges) == kTraitCount - 1);

@@ -74,10 +74,12 @@ void ForHits(const TraceContext& context, const Find& find, const OnHit& on_hit)
         context.start->t * static_cast<double>(kDistanceDoubt);
   }
 }
-template <typename OnHit>
+template <bool kMasked, typename OnHit>
 void FindQuadricHits(const TraceContext& context, const QuadricList& list, uint32_t index,
                      const RTCRay& ray, const OnHit& on_hit) {
-  const Quadric& quadric = (*list.quadrics)[index].quadric;
+  const BakedQuadric& baked = (*list.quadrics)[index];
+  if (kMasked && (baked.surface.seen_by & ray.mask) == 0) return;
+  const Quadric& quadric = baked.quadric;
   const Vec3d o = Origin(ray), d = Direction(ray);
   const auto find = [&](double from) -> std::optional<RawHit> {
     const std::optional<double> t =
@@ -89,24 +91,27 @@ void FindQuadricHits(const TraceContext& context, const QuadricList& list, uint3
     return on_hit(hit, DoubtOf(ray, hit.t, quadric.coordinate_max));
   });
 }
+template <bool kMasked>
 void IntersectQuadricList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
   const TraceContext& context = ContextOf(args->context);
-  FindQuadricHits(context, list, args->primID, ray_hit->ray, [&](const RawHit& hit, float doubt) {
-    return Accept(context, hit, doubt, ray_hit);
-  });
+  FindQuadricHits<kMasked>(
+      context, list, args->primID, ray_hit->ray,
+      [&](const RawHit& hit, float doubt) { return Accept(context, hit, doubt, ray_hit); });
 }
+template <bool kMasked>
 void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
   if (args->valid[0] == 0) return;
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
-  FindQuadricHits(context, list, args->primID, *ray,
-                  [&](const RawHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
+  FindQuadricHits<kMasked>(context, list, args->primID, *ray, [&](const RawHit& hit, float doubt) {
+    return Block(context, hit, doubt, ray);
+  });
 }
 
 void BoundPatch(const RTCBoundsFunctionArguments* args) {
@@ -283,8 +288,10 @@ void SetCallbacks(RTCGeometry user, size_t count, void* list, RTCBoundsFunction 
 }  // namespace
 
 void SetQuadrics(RTCGeometry user, QuadricList* list) {
-  SetCallbacks(user, list->quadrics->size(), list, BoundQuadric, IntersectQuadricList,
-               OccludeQuadricList);
+  const bool masked = list->have_masks;
+  SetCallbacks(user, list->quadrics->size(), list, BoundQuadric,
+               masked ? IntersectQuadricList<true> : IntersectQuadricList<false>,
+               masked ? OccludeQuadricList<true> : OccludeQuadricList<false>);
 }
 
 void SetPatches(RTCGeometry user, PatchList* list) {

@@ -20,6 +20,7 @@ struct TracedMesh {
 struct QuadricList {
   const std::vector<BakedQuadric>* quadrics = nullptr;
   uint32_t geometry = 0;
+  bool have_masks = false;  // Some rays do not meet all of them.
 };
 struct PatchList {
   const BakedPatches* patches = nullptr;

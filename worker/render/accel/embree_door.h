@@ -209,7 +209,7 @@ inline RTCRay ToRtc(const Ray& ray) {
   r.dir_y = ray.d.y;
   r.dir_z = ray.d.z;
   r.time = ray.time;
-  r.mask = ~0u;
+  r.mask = ray.mask;
   r.id = 0;
   r.flags = 0;
   return r;

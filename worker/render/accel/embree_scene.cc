@@ -50,6 +50,16 @@ Vec3f ReachOf(const BakedMesh& mesh) {
   return reach;
 }
 
+bool HasMasks(const SceneGeometry& geometry) {
+  const auto has_mask = [](const auto& shape) { return shape.surface.seen_by != kEverything; };
+  return std::ranges::any_of(geometry.groups, [&](const GeometryGroup& group) {
+    return std::ranges::any_of(group.meshes, has_mask) ||
+           std::ranges::any_of(group.quadrics, has_mask) ||
+           std::ranges::any_of(group.patches, has_mask) ||
+           std::ranges::any_of(group.curves, has_mask);
+  });
+}
+
 }  // namespace
 
 struct EmbreeScene::State {
@@ -93,7 +103,8 @@ struct EmbreeScene::State {
     }
   }
 
-  void Attach(RTCScene scene, RTCGeometry geometry) const {
+  void Attach(RTCScene scene, RTCGeometry geometry, RayMask seen_by = kEverything) const {
+    rtcSetGeometryMask(geometry, seen_by);
     rtcCommitGeometry(geometry);
     rtcAttachGeometry(scene, geometry);
     rtcReleaseGeometry(geometry);
@@ -126,13 +137,15 @@ void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) {
         FilterTriangles(geometry, &traced, HasNeedles(mesh.positions, mesh.indices));
       }
     }
-    Attach(scene, geometry);
+    Attach(scene, geometry, mesh.surface.seen_by);
   }
 }
 
 void EmbreeScene::State::AddQuadrics(const GeometryGroup& group, RTCScene scene,
                                      QuadricList* list) const {
   list->quadrics = &group.quadrics;
+  list->have_masks = std::ranges::any_of(
+      group.quadrics, [](const BakedQuadric& q) { return q.surface.seen_by != kEverything; });
   list->geometry = group.QuadricsId();
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
   SetQuadrics(geometry, list);
@@ -144,7 +157,7 @@ void EmbreeScene::State::AddPatches(const GeometryGroup& group, RTCScene scene) 
     patch_lists.push_back({&group.patches[i], group.PatchesId(i)});
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
     SetPatches(geometry, &patch_lists.back());
-    Attach(scene, geometry);
+    Attach(scene, geometry, group.patches[i].surface.seen_by);
   }
 }
 
@@ -153,7 +166,7 @@ void EmbreeScene::State::AddCurves(const GeometryGroup& group, RTCScene scene) {
     curve_lists.push_back({&group.curves[i], group.CurvesId(i)});
     RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
     SetCurves(geometry, &curve_lists.back());
-    Attach(scene, geometry);
+    Attach(scene, geometry, group.curves[i].surface.seen_by);
   }
 }
 
@@ -205,6 +218,12 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
     return rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY
                ? absl::ResourceExhaustedError("there is no memory for the ray tracer (Embree)")
                : absl::InternalError("the ray tracer (Embree) cannot start");
+  }
+  if (HasMasks(geometry) &&
+      rtcGetDeviceProperty(state.device, RTC_DEVICE_PROPERTY_RAY_MASK_SUPPORTED) == 0) {
+    return absl::FailedPreconditionError(
+        "the scene has shapes that some rays do not see, for which the ray tracer (Embree) of this "
+        "machine was built without ray masks; install one with EMBREE_RAY_MASK, as Debian's");
   }
   rtcSetDeviceMemoryMonitorFunction(state.device, State::CountMemory, &state);
   state.still.placed = &geometry.still;

@@ -122,16 +122,16 @@ using BsdfValue = BsdfValueOf<Rgb>;
 // A lobe whose traits a variant lacks (lobe.h) is black in it: the plan never chooses such a
 // variant. Both are defined in bsdf_inl.h, which integrator variants include, and compiled for
 // every variant of variant_list.h in bsdf.cc.
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
                                               Vec2f u);
 // Delta lobes evaluate to 0. Hair has no sides: only its tangent, +x, has a meaning, and f_cos is
 // with respect to the cross-section of the fibre.
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi);
 
 // Whether light comes and goes whatever the side of the surface. Never in variants without kHair.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 bool IsHair(const BsdfShape& bsdf) {
   return Has(kTraits, Trait::kHair) && bsdf.kind == BsdfKind::kHair;
 }

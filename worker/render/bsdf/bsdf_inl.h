@@ -15,7 +15,7 @@ namespace sheaf::render {
 inline Vec3f FlipZ(Vec3f w) { return {w.x, w.y, -w.z}; }
 
 // For wo.z > 0. inside: the surface was turned over, wo is on its -z side.
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 BsdfValueOf<Color> EvalUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, Vec3f wi) {
   return Lobes::Choose<kTraits, BsdfValueOf<Color>>(
       bsdf.kind, [&]<typename Lobe>(Lobe) __attribute__((always_inline))->BsdfValueOf<Color> {
@@ -24,7 +24,7 @@ BsdfValueOf<Color> EvalUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, V
       });
 }
 
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 std::optional<BsdfSampleOf<Color>> SampleUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo,
                                                float u_lobe, Vec2f u) {
   return Lobes::Choose<kTraits, std::optional<BsdfSampleOf<Color>>>(
@@ -35,7 +35,7 @@ std::optional<BsdfSampleOf<Color>> SampleUpper(const BsdfOf<Color>& bsdf, bool i
                      });
 }
 
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 float PdfUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, Vec3f wi) {
   return Lobes::Choose<kTraits, float>(
       bsdf.kind, [&]<typename Lobe>(Lobe) __attribute__((always_inline))->float {
@@ -44,7 +44,7 @@ float PdfUpper(const BsdfOf<Color>& bsdf, bool inside, Vec3f wo, Vec3f wi) {
       });
 }
 
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
   if (IsHair<kTraits>(bsdf)) return HairLobe::f(bsdf, wo, wi, false);
   if (wo.z > 0) return EvalUpper<kTraits>(bsdf, false, wo, wi);
@@ -52,7 +52,7 @@ BsdfValueOf<Color> EvalBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
   return {};
 }
 
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
                                               Vec2f u) {
   if (IsHair<kTraits>(bsdf)) return HairLobe::Sample_f(bsdf, wo, u_lobe, u, false);
@@ -65,7 +65,7 @@ std::optional<BsdfSampleOf<Color>> SampleBsdf(const BsdfOf<Color>& bsdf, Vec3f w
 }
 
 // EvalBsdf's pdf alone, to the bit: over solid angle; 0 for delta lobes.
-template <uint32_t kTraits, typename Color>
+template <TraitBits kTraits, typename Color>
 float PdfBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
   if (IsHair<kTraits>(bsdf)) return HairLobe::PDF(bsdf, wo, wi, false);
   if (wo.z > 0) return PdfUpper<kTraits>(bsdf, false, wo, wi);
@@ -74,7 +74,7 @@ float PdfBsdf(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) {
 }
 
 // Whether light may arrive from behind the surface. False for interfaces, which rays pass.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 bool Transmits(const BsdfShape& bsdf) {
   return Lobes::Choose<kTraits, bool>(
       bsdf.kind, [&]<typename Lobe>(Lobe) { return Lobe::kTransmits && Lobe::MayCross(bsdf); });

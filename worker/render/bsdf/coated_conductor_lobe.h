@@ -23,7 +23,7 @@ namespace sheaf::render {
 struct CoatedConductorLobe : LobeBase {
   using Material = CoatedConductorMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kCoatedConductor;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kLayered);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kLayered);
 
   // f and Sample_f are not inlined: they are long, and would crowd the loops of scenes whose
   // layered surfaces are others.

@@ -20,7 +20,7 @@ namespace sheaf::render {
 struct CoatedDiffuseLobe : LobeBase {
   using Material = CoatedDiffuseMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kCoatedDiffuse;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kLayered);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kLayered);
 
   template <typename Color>
   static BsdfValueOf<Color> f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool /*inside*/);

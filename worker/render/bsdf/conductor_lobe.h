@@ -20,7 +20,7 @@ namespace sheaf::render {
 struct ConductorLobe : LobeBase {
   using Material = ConductorMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kConductor;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kMicrofacet);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kMicrofacet);
 
   template <typename Color>
   static BsdfValueOf<Color> f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool /*inside*/);

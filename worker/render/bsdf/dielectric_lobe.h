@@ -49,7 +49,7 @@ BsdfValueOf<Color> EvalDielectricFacet(const Ggx& ggx, float eta, Vec3f wo, Vec3
 struct DielectricLobe : LobeBase {
   using Material = DielectricMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kDielectric;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kSpecularTransmission);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kSpecularTransmission);
   static constexpr bool kTransmits = true;
 
   template <typename Color>

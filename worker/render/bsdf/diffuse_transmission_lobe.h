@@ -17,7 +17,7 @@ namespace sheaf::render {
 struct DiffuseTransmissionLobe : LobeBase {
   using Material = DiffuseTransmissionMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kDiffuseTransmission;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kSpecularTransmission);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kSpecularTransmission);
   static constexpr bool kTransmits = true;
 
   template <typename Color>

@@ -212,7 +212,7 @@ HairPaths<Color> MakeHairPaths(const BsdfOf<Color>& bsdf, Vec3f wo) {
 struct HairLobe : LobeBase {
   using Material = HairMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kHair;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kHair);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kHair);
   static constexpr bool kHasSides = false;
   static constexpr bool kTransmits = true;
 

@@ -14,7 +14,7 @@ namespace sheaf::render {
 struct InterfaceLobe : LobeBase {
   using Material = InterfaceMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kInterface;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kAlpha);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kAlpha);
 
   // A delta lobe: f and PDF are 0.
   template <typename Color>

@@ -24,7 +24,7 @@ namespace sheaf::render {
 
 struct LobeBase {
   // Variants with all of these compile the lobe; in others its Bsdfs are black. 0: every variant.
-  static constexpr uint32_t kTraits = 0;
+  static constexpr TraitBits kTraits = 0;
   // Without sides, directions are not mirrored: wo may be on either side, and `inside` is false.
   static constexpr bool kHasSides = true;
   // Whether light may leave on the other side than wo's, straight through interfaces excepted.
@@ -49,14 +49,14 @@ struct LobeOfMaterial<Material, LobeList<First, Rest...>>
 template <typename... Lobes>
 struct LobeList {
   // visit(Lobe{}) for the lobe of this kind; Result{} where a variant with kTraits has none.
-  template <uint32_t kTraits, typename Result, typename Visit>
+  template <TraitBits kTraits, typename Result, typename Visit>
   [[gnu::always_inline]] static Result Choose(BsdfKind kind, const Visit& visit) {
     return ChooseAmong<kTraits, Result, Visit, Lobes...>(kind, visit);
   }
 
  private:
   // A chain of comparisons that returns from each branch; compilers make a switch of it.
-  template <uint32_t kTraits, typename Result, typename Visit, typename First, typename... Rest>
+  template <TraitBits kTraits, typename Result, typename Visit, typename First, typename... Rest>
   [[gnu::always_inline]] static Result ChooseAmong(BsdfKind kind, const Visit& visit) {
     if constexpr ((kTraits & First::kTraits) == First::kTraits) {
       if (kind == First::kKind) return visit(First{});

@@ -17,7 +17,7 @@ namespace sheaf::render {
 struct MeasuredLobe : LobeBase {
   using Material = MeasuredMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kMeasured;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kMeasured);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kMeasured);
 
   template <typename Color>
   static BsdfValueOf<Color> f(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool inside);

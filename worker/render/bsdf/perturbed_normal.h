@@ -103,7 +103,7 @@ class PerturbedNormal {
 
   // As EvalBsdf and SampleBsdf, over the hemispheres of the true surface. Requires: active(), wo on
   // the same side of both normals.
-  template <uint32_t kTraits, typename Color>
+  template <TraitBits kTraits, typename Color>
   BsdfValueOf<Color> Eval(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi) const {
     BsdfValueOf<Color> value;
     const float sign = (Dot(wi, up_) > 0) == (wo.z > 0) ? SideOf(wo) : -SideOf(wo);
@@ -117,7 +117,7 @@ class PerturbedNormal {
     return value;
   }
 
-  template <uint32_t kTraits, typename Color>
+  template <TraitBits kTraits, typename Color>
   std::optional<BsdfSampleOf<Color>> Sample(const BsdfOf<Color>& bsdf, Vec3f wo, float u_lobe,
                                             Vec2f u) const {
     std::optional<BsdfSampleOf<Color>> sample = SampleBsdf<kTraits>(bsdf, wo, u_lobe, u);
@@ -146,7 +146,7 @@ class PerturbedNormal {
 
   static float SideOf(Vec3f wo) { return wo.z < 0 ? -1.0f : 1.0f; }
 
-  template <uint32_t kTraits, typename Color>
+  template <TraitBits kTraits, typename Color>
   static void Add(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, float fraction,
                   BsdfValueOf<Color>* value) {
     const BsdfValueOf<Color> part = EvalBsdf<kTraits>(bsdf, wo, wi);

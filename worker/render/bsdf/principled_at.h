@@ -29,6 +29,8 @@ class PrincipledAt {
   PrincipledAt(const BsdfOf<Color>& bsdf, Vec3f wo, bool inside);
   BsdfValueOf<Color> Eval(Vec3f wi) const;
   std::optional<BsdfSampleOf<Color>> Sample(float u_lobe, Vec2f u) const;
+  // The part of Eval's f that the body and the sheen scatter.
+  Color DiffusePart(Vec3f wi) const;
 
  private:
   enum Part { kSheen, kCoat, kReflection, kReturn, kBody, kGlass, kPartCount };
@@ -202,6 +204,20 @@ BsdfValueOf<Color> PrincipledAt<Color>::Eval(Vec3f wi) const {
     }
   }
   return value;
+}
+
+template <typename Color>
+Color PrincipledAt<Color>::DiffusePart(Vec3f wi) const {
+  Color part{};
+  if (!(wi.z > 0)) return part;
+  if (!within_ && s_.has_sheen) part += bsdf_.conductor_k * s_.sheen.Value(wo_, wi);
+  if (opaque_ > 0) {
+    const MuPosition i = FindMu(wi.z);
+    const Color left =
+        OneMinus(shares_.DielectricReflected(i) + opaque_return_ * shares_.MirrorLoss().Loss(i));
+    part += body_ * left * (below_ * opaque_ * wi.z * kInvPi);
+  }
+  return part;
 }
 
 template <typename Color>

@@ -32,7 +32,7 @@ namespace sheaf::render {
 struct PrincipledLobe : LobeBase {
   using Material = PrincipledMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kPrincipled;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kPrincipled);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kPrincipled);
   static constexpr bool kTransmits = true;
   static bool MayCross(const BsdfShape& bsdf) {
     return bsdf.base.transmission > 0 && bsdf.base.metallic < 1;
@@ -59,6 +59,12 @@ struct PrincipledLobe : LobeBase {
                           sample->eta_scale);
     }
     return sample;
+  }
+
+  // The part of f that the body and the sheen scatter.
+  template <typename Color>
+  static Color DiffusePart(const BsdfOf<Color>& bsdf, Vec3f wo, Vec3f wi, bool inside) {
+    return PrincipledAt<Color>(bsdf, ToAxes(bsdf, wo), inside).DiffusePart(ToAxes(bsdf, wi));
   }
 
   template <typename Color>

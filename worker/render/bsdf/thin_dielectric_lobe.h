@@ -17,7 +17,7 @@ namespace sheaf::render {
 struct ThinDielectricLobe : LobeBase {
   using Material = ThinDielectricMaterial;
   static constexpr BsdfKind kKind = BsdfKind::kThinDielectric;
-  static constexpr uint32_t kTraits = TraitSet(Trait::kSpecularTransmission);
+  static constexpr TraitBits kTraits = TraitSet(Trait::kSpecularTransmission);
   static constexpr bool kTransmits = true;
 
   // A delta lobe: f and PDF are 0.

@@ -59,7 +59,7 @@ class Camera {
   // may reach, continue the image; those of a spherical camera wrap around to its other side.
   // *weight: factor of the ray's radiance, 1 except through a realistic lens; 0 where no light
   // passes, in which case the ray is unspecified.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   Ray MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight = nullptr) const;
   // Connects p with a point of the lens, sampled as by MakeRay (uniformly on the frontmost surface
   // of a realistic lens); the inverse of MakeRay for cameras without a lens. None where the camera
@@ -136,7 +136,7 @@ class Camera {
   double ray_start_radius_ = 0;
 };
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 Ray Camera::MakeRay(Vec2d film, Vec2f lens, float shutter_fraction, float* weight) const {
   if (bends_rays_) return MakeBentRay(film, lens, shutter_fraction, weight);
   const Vec2d screen{screen_origin_.x + film.x * screen_step_.x,

@@ -115,7 +115,7 @@ inline Wavelengths Wavelengths::Sample(float u) {
 // The wavelengths of a path that carries RGB: none.
 struct NoWavelengths {};
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 using ColorOf = std::conditional_t<Has(kTraits, Trait::kSpectral), Spectral, Rgb>;
 template <typename Color>
 using WavelengthsOf =

@@ -33,7 +33,7 @@ void FollowSharedPath(const Context<C>& c, const PathSharing& sharing, const Pat
   if (continues) FollowPath(c, path, film);
 }
 
-template <uint32_t kTraits, typename Tracer>
+template <TraitBits kTraits, typename Tracer>
 class EyeIntegrator {
  public:
   using C = IntegratorConfig<kTraits, Tracer, DirectLight::kByBoth, PathKind::kEye>;
@@ -151,7 +151,7 @@ class EyeIntegrator {
   PathShift<C> shift_;
 };
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TraceEyeRow(const CompiledScene& scene, const PathSharing& sharing, Eye eye, int32_t y,
                  uint64_t pass, EyeSink* sink, RayCounts* counts) {
   RayCounts local;

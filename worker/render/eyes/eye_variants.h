@@ -49,7 +49,7 @@ using EyeRowFunction = void (*)(const CompiledScene& scene, const PathSharing& s
 EyeRowFunction EyeRowFunctionOf(size_t variant);
 
 // Defined once for each variant, in generated files.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TraceEyeRow(const CompiledScene& scene, const PathSharing& sharing, Eye eye, int32_t y,
                  uint64_t pass, EyeSink* sink, RayCounts* counts);
 

@@ -13,7 +13,7 @@ namespace sheaf::render {
 
 // False for lobes that are too narrow for a blur, for hair, and for rough glass, whose other side
 // may be another medium.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 bool MayMerge(const BsdfShape& bsdf) {
   switch (bsdf.kind) {
     case BsdfKind::kDiffuse:

@@ -15,6 +15,7 @@
 #include "common/math/lanes.h"
 #include "common/math/next_float.h"
 #include "common/math/vec.h"
+#include "worker/render/geometry/seen_by.h"
 
 namespace sheaf::render {
 
@@ -53,6 +54,7 @@ struct Ray {
     kEmitter  // On `end_emitter` of the light table, behind the surfaces that come before it.
   };
   End end = End::kExact;
+  RayMask mask = kEverything;  // The surfaces that it meets.
   uint32_t end_emitter = ~0u;
 };
 

@@ -53,6 +53,8 @@ struct Surface {
   // The surface bounds a body: light passes into glass or a medium behind it.
   bool is_boundary = false;
   bool emits_on_front_only = false;
+  RayKinds invisible = 0;         // As ShapeDescription::invisible.
+  RayMask seen_by = kEverything;  // The rays that meet it.
   MediumBoundary media;
   // A triangle with an emission image has emission_cells^2 emitters: emission_cells.h.
   uint16_t emission_cells = 1;

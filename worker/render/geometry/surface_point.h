@@ -320,7 +320,7 @@ inline Frame ShadingFrame(Vec3f ns, const TangentPlane& plane) {
 namespace internal {
 
 // Relative to the mesh's first emitter.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
   if constexpr (Has(kTraits, Trait::kTexturedEmission)) {
     const uint32_t cells = surface.emission_cells;
@@ -333,7 +333,7 @@ uint32_t EmitterOfFace(const Surface& surface, const RawHit& hit) {
 // Computes the hit's point in its group, and point->surface and emitter. placement: null in the
 // world.
 // Inline, as is FinishPoint: compilers would call them, since instances are a second caller.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 [[gnu::always_inline]] inline GroupPoint PointOfHit(const GeometryGroup& group, const Ray& ray,
                                                     const RawHit& hit, const Placement* placement,
                                                     SurfacePoint* point) {
@@ -383,7 +383,7 @@ template <uint32_t kTraits>
 }
 
 // Completes the shading properties of `on`, which is in render space with error `rounding`.
-template <uint32_t kTraits, typename Plane>
+template <TraitBits kTraits, typename Plane>
 [[gnu::always_inline]] inline void FinishPoint(const GroupPoint& on, Vec3d rounding,
                                                SurfacePoint* point, [[maybe_unused]] Plane* plane) {
   point->p = ToFloat(on.p);
@@ -410,7 +410,7 @@ template <uint32_t kTraits, typename Plane>
 }
 
 // Out of line, so that unplaced geometry, the common case, does not pay for it.
-template <uint32_t kTraits, typename Plane>
+template <TraitBits kTraits, typename Plane>
 [[gnu::noinline]] void MakePlacedPoint(const SceneGeometry& geometry, const Ray& ray,
                                        const RawHit& hit, Plane* plane, SurfacePoint* point) {
   const PlacedGroup& placed = PlacedAt(geometry, hit.id.placed);
@@ -428,7 +428,7 @@ template <uint32_t kTraits, typename Plane>
 
 // Requires: hit is a hit of ray in the EmbreeScene of `geometry`. plane: a std::optional that
 // receives the inputs of a normal map if the surface has one; any other type is ignored.
-template <uint32_t kTraits, typename Plane = std::nullopt_t>
+template <TraitBits kTraits, typename Plane = std::nullopt_t>
 SurfacePoint MakeSurfacePoint(const SceneGeometry& geometry, const Ray& ray, const RawHit& hit,
                               [[maybe_unused]] Plane* plane = nullptr) {
   SurfacePoint point;  // Every return names it, so that no caller copies it.

@@ -30,6 +30,12 @@ void AddLightSample(const Context<C>& c, const Vertex& vertex,
   if (value.f_cos.IsBlack()) return;
   ApplyCutOut(c, light);
   Color f_cos = value.f_cos;
+  if constexpr (C::kRayKinds) {
+    if (const RayKinds invisible = InvisibleOf(c, *light); invisible != 0) {
+      f_cos = f_cos * SeenPart(vertex, light->wi, invisible, *path);
+      if (f_cos.IsBlack()) return;
+    }
+  }
   if constexpr (C::kMedia) {
     MediumState<C> media = path->media;
     if (!vertex.EnterSide(c, light->wi, *path, &media)) return;
@@ -95,6 +101,9 @@ void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
 template <typename C>
 void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
   if constexpr (C::Has(Trait::kEnvironment)) {
+    if constexpr (C::kRayKinds) {
+      if (!SeesLight(c.scene.visibility.sky, *path)) return;
+    }
     if (path->specular && (!C::kBothEnds || path->is_camera_path)) {
       AddInfiniteLight(c, path->from, path->ray.d, path->throughput, path->history.KindAtHit(),
                        path->throughput * c.scene.lights->template EnvironmentRadiance<C::kTraits>(
@@ -122,6 +131,7 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
 template <typename C>
 void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* path) {
   if constexpr (C::Has(Trait::kAreaLights)) {
+    if (!SeesLight(point.surface->invisible, *path)) return;
     const typename C::Color radiance = c.scene.lights->template EmitterRadianceAt<C::kTraits>(
         point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
     if (radiance.IsBlack()) return;

@@ -30,6 +30,7 @@
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/point_in_medium.h"
 #include "worker/render/integrator/transmittance.h"
+#include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
 
@@ -226,6 +227,9 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, [[maybe_unused]]
   std::optional<LightSampleOf<Color>> light = scene.lights->template SampleChosen<C::kTraits>(
       chosen, vertex.p, {u[0], u[1]}, path->wavelengths, guided.lights());
   if (!light) return;
+  if constexpr (C::kRayKinds) {
+    if ((InvisibleOf(c, *light) & BitOf(RayKind::kVolume)) != 0) return;
+  }
   ApplyCutOut(c, &*light);
   const double line_pdf = static_cast<double>(light->pdf) /
                           static_cast<double>(chosen.probability) *

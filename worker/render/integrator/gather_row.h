@@ -36,7 +36,7 @@ const SurfaceVertex<C>* FollowToMerge(const Context<C>& c, PathState<C>* path, V
   }
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
+template <TraitBits kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
 void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Gather(int32_t x, int32_t y,
                                                                       uint64_t pass,
                                                                       GatherMap* map) {
@@ -70,7 +70,7 @@ void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Gather(int32_t x,
   map->arena.Add({at->point.p, stored.weight_radius * map->radius_scale}, stored);
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void GatherRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
                GatherMap* map, RayCounts* counts) {
   RayCounts local;

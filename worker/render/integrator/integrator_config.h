@@ -19,11 +19,11 @@
 namespace sheaf::render {
 
 // TracerT: EmbreeScene, or a class with the same Intersect and Occluded.
-template <uint32_t kTraitsT, typename TracerT, DirectLight kDirectLightT,
+template <TraitBits kTraitsT, typename TracerT, DirectLight kDirectLightT,
           PathKind kPathKindT = PathKind::kCamera>
 struct IntegratorConfig {
   using Tracer = TracerT;
-  static constexpr uint32_t kTraits = kTraitsT;
+  static constexpr TraitBits kTraits = kTraitsT;
   static constexpr DirectLight kDirectLight = kDirectLightT;
   static constexpr PathKind kPathKind = kPathKindT;
   // Paths begin at lights, and are connected to the camera.
@@ -42,7 +42,7 @@ struct IntegratorConfig {
   using Color = ColorOf<kTraits>;
   using Wavelengths = WavelengthsOf<Color>;
   // For queries that need no color, or the color as RGB.
-  static constexpr uint32_t kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
+  static constexpr TraitBits kRgbTraits = kTraits & ~TraitSet(Trait::kSpectral);
 
   static constexpr bool Has(Trait trait) { return render::Has(kTraits, trait); }
   static constexpr bool kSpectral = Has(Trait::kSpectral);
@@ -58,6 +58,9 @@ struct IntegratorConfig {
   // paths count them in weights.
   static constexpr bool kSplitsLights = !kFromLight && kUsesFields && Has(Trait::kLightSplits);
   static constexpr bool kCountsSplits = kFromLight && Has(Trait::kLightSplits);
+  // Rays are of kinds that do not see everything: visibility.h. Paths from lights do not know
+  // their kinds, and those that pixels or eyes share have several.
+  static constexpr bool kRayKinds = kPathKind == PathKind::kCamera && Has(Trait::kRayVisibility);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
   // Shading normals may be tilted so far that light would be lost: perturbed_normal.h.
   static constexpr bool kPerturbedNormals = kNormalMaps || Has(Trait::kVertexNormals);

@@ -189,7 +189,7 @@ class FrameSplats : public SplatSink {
   double square_ = 0;
 };
 
-template <uint32_t kTraits, typename Tracer>
+template <TraitBits kTraits, typename Tracer>
 class LightPathIntegrator {
  public:
   using C = IntegratorConfig<kTraits, Tracer, DirectLight::kByBoth, PathKind::kLight>;

@@ -11,7 +11,7 @@
 
 namespace sheaf::render {
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
                    const GatherMap* map, SplatSink* splats, RayCounts* counts) {
   RayCounts local;
@@ -21,7 +21,7 @@ void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y
   counts->Add(local);
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TrainLightPaths(const CompiledScene& scene, const TrainingPass& pass,
                      const LearnedFields& fields, uint64_t first, uint64_t end,
                      EmissionStatistics* statistics, RayCounts* counts) {

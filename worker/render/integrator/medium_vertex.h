@@ -16,6 +16,7 @@
 #include "worker/render/integrator/russian_roulette.h"
 #include "worker/render/integrator/subsurface_walk.h"
 #include "worker/render/integrator/two_ends.h"
+#include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
 
@@ -221,6 +222,8 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   RememberLights(guided, path);
   if constexpr (C::kSplitsLights) path->splits = {};
   if constexpr (C::kProduct) path->sketch = {};
+  const bool is_beneath = path->media.properties.is_subsurface;
+  BeginRay(is_beneath ? RayKind::kDiffuse : RayKind::kVolume, path);
   path->ray.o = point.p;
   path->ray.d = sample.w;
   path->ray.source = {};

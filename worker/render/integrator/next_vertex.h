@@ -26,6 +26,7 @@ struct Escaped {};
 // The ray passes through a surface.
 struct NullInterface {
   SurfacePoint point;
+  bool is_unseen = false;  // The path stays in its media.
 };
 template <typename C>
 using Vertex = std::conditional_t<
@@ -61,11 +62,11 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   const bool is_exact = NeedsExactPlace<C>(media, path->ray);
   if (is_exact) length = ExactLength(media.near, path->ray, length);
   if constexpr (C::Has(Trait::kEmissiveMedia) && !C::kFromLight) {
-    AddSegmentEmission(c, length, path);
+    if (!SearchesLights(*path)) AddSegmentEmission(c, length, path);
   }
   [[maybe_unused]] StateIf<C::kLines, LineOf<C>> line;
   if constexpr (C::kLines) {
-    if (UsesLineSampling<C>(media.properties)) {
+    if (UsesLineSampling<C>(media.properties) && !SearchesLights(*path)) {
       line = MakeLine(c, *path, length);
       SampleLdOnLine(c, line, length, hit, path);
     }
@@ -110,11 +111,25 @@ void ResolveSurface(const Context<C>& c, const RawHit& hit, PathState<C>* path, 
   auto& at = vertex->template emplace<SurfaceVertex<C>>(c, hit, *path);
   const Surface& surface = *at.point.surface;
   if constexpr (C::kSubsurface) at.in_subsurface = ArriveAtBoundary(surface, path);
+  if constexpr (C::kRayKinds) {
+    if (IsUnseen(c, at.point, path->ray.d, BoundaryRayOf(*path), path->media)) {
+      const SurfacePoint point = at.point;
+      vertex->template emplace<NullInterface>(point, true);
+      return;
+    }
+  }
   at.choice = NullInterfaceChoiceAt(c, surface, *path);
   bool is_null = IsCutOut(c, at.point, at.choice.cut_out);
   if (!is_null) {
     if constexpr (C::Has(Trait::kAreaLights) && !C::kFromLight) {
       if (at.point.emitter != kNoEmitter) AddEmittedLe(c, at.point, path);
+    }
+    if constexpr (C::kRayKinds) {
+      if (path->rays.searches && (surface.seen_by & kShadowRay) == 0) {
+        const SurfacePoint point = at.point;
+        vertex->template emplace<NullInterface>(point);
+        return;
+      }
     }
     // The last vertex needs no BSDF, unless it may turn out to be a null interface.
     if (path->depth == static_cast<uint32_t>(c.scene.settings.max_depth) && !path->is_camera_path &&
@@ -188,6 +203,22 @@ bool CrossNullInterface(const Context<C>& c, const SurfacePoint& point, PathStat
   }
   Leave(point, path->ray.d, &path->ray);
   return true;
+}
+
+// The same behind a surface that the path may not see.
+template <typename C>
+bool PassNullInterface(const Context<C>& c, const NullInterface& passed, PathState<C>* path) {
+  if constexpr (C::kRayKinds) {
+    if (passed.is_unseen) {
+      if (++path->null_crossings > kNullCrossingsMax) {
+        ++c.counts.long_segments;
+        return false;
+      }
+      PassUnseen<C>(passed.point, &path->ray, &path->media);
+      return true;
+    }
+  }
+  return CrossNullInterface(c, passed.point, path);
 }
 
 }  // namespace sheaf::render

@@ -54,7 +54,7 @@ bool ContinueFrom(const Context<C>& c, Vertex<C>* vertex, PathState<C>* path, Fi
   }
   // Pass through surfaces that do not scatter.
   if (auto* null_interface = std::get_if<NullInterface>(vertex)) {
-    return CrossNullInterface(c, null_interface->point, path);
+    return PassNullInterface(c, *null_interface, path);
   }
   if (std::holds_alternative<Escaped>(*vertex)) {
     // Nothing is hit: add infinite lights.
@@ -67,12 +67,35 @@ bool ContinueFrom(const Context<C>& c, Vertex<C>* vertex, PathState<C>* path, Fi
   return false;
 }
 
+// In scenes whose shapes cast other shadows than rays see (RayVisibility::splits_shadow), the
+// lights that a scattered ray hits are those of a ray that meets what shadow rays meet. Adds the
+// emission of the light that a shadow ray in the path's direction reaches first, and of lights on
+// the way that cast no shadow. Nothing where light sampling finds no light of the ray.
+template <typename C>
+void SearchLights(const Context<C>& c, PathState<C>* path) {
+  if (!c.scene.visibility.splits_shadow || path->specular || path->rays.has_searched) return;
+  PathState<C> search = *path;
+  search.radiance = {};
+  search.rays.searches = true;
+  search.ray.mask = kLightSearch;
+  Vertex<C> vertex;
+  for (;;) {
+    NextVertex(c, &search, &vertex);
+    const auto* passed = std::get_if<NullInterface>(&vertex);
+    if (passed == nullptr || !PassNullInterface(c, *passed, &search)) break;
+  }
+  if (std::holds_alternative<Escaped>(vertex)) AddInfiniteLe(c, &search);
+  path->radiance += search.radiance;
+  path->rays.has_searched = true;
+}
+
 // Follows the path to its end, adds the radiance that it finds to path->radiance, and records its
 // first vertex in *film.
 template <typename C>
 void FollowPath(const Context<C>& c, PathState<C>* path, FilmSample* film) {
   Vertex<C> vertex;
   do {
+    if constexpr (C::kRayKinds) SearchLights(c, path);
     // Trace the path's ray through media to its next vertex, and add emission met on the way.
     NextVertex(c, path, &vertex);
   } while (ContinueFrom(c, &vertex, path, film));
@@ -116,7 +139,7 @@ Ray MakeCameraRay(const CompiledScene& scene, const Camera& camera,
   return camera.template MakeRay<C::kTraits>(raster, lens_u, time, weight);
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth,
+template <TraitBits kTraits, typename Tracer, DirectLight kDirectLight = DirectLight::kByBoth,
           PathKind kPathKind = PathKind::kCamera>
 class PathIntegrator {
  public:
@@ -180,7 +203,7 @@ class PathIntegrator {
   [[no_unique_address]] StateIf<C::kGuided, SplitPaths<C>> splits_;
 };
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
+template <TraitBits kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
 void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceForTraining(
     const TrainingPass& pass, uint64_t number, const LearnedFields& fields, GuidingSink* sink) {
   static_assert(C::kKnowsLights);
@@ -196,7 +219,7 @@ void PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::TraceForTraining(
   sink->AddPath(x, y, MeanRadiance(path.radiance), counts_.rays - rays_before);
 }
 
-template <uint32_t kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
+template <TraitBits kTraits, typename Tracer, DirectLight kDirectLight, PathKind kPathKind>
 FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(
     const typename C::Sampler& sampler, int32_t x, int32_t y, PathState<C>* path) {
   const Context<C> context{scene_,   tracer_, sampler,  counts_,
@@ -208,6 +231,7 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(
                          : 0;
   path->ray = CameraRay(sampler, x, y, time, &film, &weight);
   path->camera_o = scene_.camera.EyeOf(path->ray);
+  BeginRay(RayKind::kCamera, path);
   if constexpr (C::kGuided) {
     if (guiding_.splits != nullptr) {
       splits_.Begin(sampler, guiding_.fields->contributions.PixelFactor(x, y));

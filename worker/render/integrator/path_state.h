@@ -12,6 +12,7 @@
 #include <type_traits>
 
 #include "common/math/vec.h"
+#include "common/scene/ray_kinds.h"
 #include "common/scene/settings/render_settings.h"
 #include "worker/render/densities/running_density.h"
 #include "worker/render/geometry/crossing.h"
@@ -142,6 +143,13 @@ struct LightSplitState {
   uint32_t samples_max = 1;  // LightQuery::samples_max at `from`.
 };
 
+// The state of paths whose rays are of kinds.
+struct RayState {
+  RayKind kind = RayKind::kCamera;
+  bool has_searched = false;  // The lights that the ray hits are counted: SearchLights.
+  bool searches = false;      // The path looks for lights alone, as shadow rays see them.
+};
+
 // One path. It may begin at the camera, at a light, or in space: the state names only the next ray
 // and how its direction was sampled.
 template <typename C>
@@ -170,6 +178,7 @@ struct PathState {
   [[no_unique_address]] StateIf<C::kGuided, GuidedState<Color>> guided;
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   [[no_unique_address]] StateIf<C::kProduct, LobeSketch> sketch;  // The vertex's at `from`.
+  [[no_unique_address]] StateIf<C::kRayKinds, RayState> rays;
   Vec3f camera_o;               // The origin of the camera ray.
   bool is_camera_path = true;   // No vertex so far.
   uint32_t null_crossings = 0;  // Surfaces passed since the last vertex.

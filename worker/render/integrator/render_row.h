@@ -26,7 +26,7 @@ void RenderRowWithOutputs(const CompiledScene& scene, int32_t x0, int32_t x1, in
   }
 }
 
-template <uint32_t kTraits, PathKind kPathKind>
+template <TraitBits kTraits, PathKind kPathKind>
 void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
                PixelAccumulator* accumulator, RayCounts* counts) {
   RayCounts local;

@@ -433,6 +433,10 @@ inline bool SurfaceVertex<C>::Continue(const Context<C>& c, Vec3f wi,
   RememberLights(guided, path);
   if constexpr (C::kSplitsLights) path->splits = splits;
   if constexpr (C::kProduct) path->sketch = sketch;
+  if constexpr (C::kRayKinds) {
+    BeginScatteredRay(*this, wi, path->specular, {sample.pdf, u_roulette},
+                      c.scene.visibility.splits_lobes, path);
+  }
   Leave(point, wi, &path->ray);
   path->ray.d = wi;
   // Prefetches the radiance of infinite lights, in case the ray hits nothing.

@@ -10,7 +10,7 @@
 
 namespace sheaf::render {
 
-template <uint32_t kTraits, PathKind kPathKind>
+template <TraitBits kTraits, PathKind kPathKind>
 void TrainPaths(const CompiledScene& scene, const TrainingPass& pass, const LearnedFields& fields,
                 uint64_t first, uint64_t end, GuidingSink* sink, RayCounts* counts) {
   if constexpr (KnowsLights(kTraits)) {

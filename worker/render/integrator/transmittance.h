@@ -48,10 +48,12 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
     if (hits && NeedsExactPlace<C>(media, ray)) length = ExactLength(media.near, ray, length);
     if constexpr (kHasCallback) on_segment(ray, crossing, length, transmittance, media);
     std::optional<SurfacePoint> point;
+    bool is_unseen = false;
     if (hits) {
       point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
+      if constexpr (C::kRayKinds) is_unseen = IsUnseen(c, *point, ray.d, kShadowRay, media);
       // From 1 on: the slot's own numbers have been used to choose the light.
-      if (!IsNullInterface(c, *point, MakeNullInterfaceChoice(u, crossing + 1)) &&
+      if (!is_unseen && !IsNullInterface(c, *point, MakeNullInterfaceChoice(u, crossing + 1)) &&
           !IsHiddenBoundary(c, *point, ray.d, path, media)) {
         return {};
       }
@@ -76,8 +78,12 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
       if (transmittance.IsBlack()) return {};
     }
     if (!hits) return transmittance;
-    if (!CrossBoundary(c, *point, ray.d, path, &media)) return {};
-    Leave(*point, ray.d, &ray);
+    if (is_unseen) {
+      PassUnseen<C>(*point, &ray, &media);
+    } else {
+      if (!CrossBoundary(c, *point, ray.d, path, &media)) return {};
+      Leave(*point, ray.d, &ray);
+    }
     if (end != nullptr) ray.d = *end - ray.o;
   }
   ++c.counts.long_segments;
@@ -91,7 +97,8 @@ typename C::Color ShadowTransmittance(const Context<C>& c, const SurfacePoint& p
                                       std::array<float, 2> u, const PathState<C>& path,
                                       MediumState<C> media) {
   Vec3f end{};
-  const Ray ray = ShadowRay(point, light, path.ray.time, &end);
+  Ray ray = ShadowRay(point, light, path.ray.time, &end);
+  if constexpr (C::kRayKinds) ray.mask = kShadowRay;
   return TraceTransmittance(c, ray, light.is_infinite ? nullptr : &end, u, path, std::move(media),
                             nullptr);
 }

@@ -61,20 +61,20 @@ using LightTrainingFunction = void (*)(const CompiledScene& scene, const Trainin
 LightTrainingFunction LightTrainingFunctionOf(size_t variant);
 
 // Defined once for each variant, in generated files.
-template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
+template <TraitBits kTraits, PathKind kPathKind = PathKind::kCamera>
 void RenderRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, SampleBlock block,
                PixelAccumulator* accumulator, RayCounts* counts);
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void GatherRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
                GatherMap* map, RayCounts* counts);
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TraceLightRow(const CompiledScene& scene, int32_t x0, int32_t x1, int32_t y, uint64_t pass,
                    const GatherMap* map, SplatSink* splats, RayCounts* counts);
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TrainLightPaths(const CompiledScene& scene, const TrainingPass& pass,
                      const LearnedFields& fields, uint64_t first, uint64_t end,
                      EmissionStatistics* statistics, RayCounts* counts);
-template <uint32_t kTraits, PathKind kPathKind = PathKind::kCamera>
+template <TraitBits kTraits, PathKind kPathKind = PathKind::kCamera>
 void TrainPaths(const CompiledScene& scene, const TrainingPass& pass, const LearnedFields& fields,
                 uint64_t first, uint64_t end, GuidingSink* sink, RayCounts* counts);
 

@@ -15,8 +15,17 @@
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/transmittance.h"
 #include "worker/render/integrator/two_ends.h"
+#include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
+
+// Whether directions are sampled by the emission of media. Not where shadow rays meet other shapes
+// than scattered ones, which find the emission alone then.
+template <typename C>
+bool SamplesEmission([[maybe_unused]] const Context<C>& c) {
+  if constexpr (C::kRayKinds) return !c.scene.visibility.splits_shadow;
+  return true;
+}
 
 // The weight of emission along the path's ray.
 template <typename C>
@@ -29,7 +38,7 @@ float EmissionHitWeight(const Context<C>& c, const PathState<C>& path) {
     return HitWeight(c, sampled, emitted, path);
   } else {
     const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
-    if (path.specular || lights.empty()) return 1;
+    if (path.specular || lights.empty() || !SamplesEmission(c)) return 1;
     const float pdf = lights.Pdf(path.from, path.ray.d);
     return pdf > 0 ? MisWeight<C>(FindsBy::kHit, path.pdf, pdf) : 1;
   }
@@ -58,7 +67,7 @@ void AddSegmentEmission(const Context<C>& c, double length, PathState<C>* path) 
 template <typename C, typename Vertex>
 void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
   using Color = typename C::Color;
-  if (!c.scene.media || c.scene.media->emissive_volumes().empty()) return;
+  if (!c.scene.media || c.scene.media->emissive_volumes().empty() || !SamplesEmission(c)) return;
   const EmissiveVolumeSampler& lights = c.scene.media->emissive_volumes();
   const std::array<float, 4> u = c.sampler.Get4(EmissionSlot(LastVertexIndex(*path)));
   const SurfacePoint& point = vertex.point;
@@ -72,6 +81,7 @@ void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C
   ray.time = path->ray.time;
   Leave(point, sample.w, &ray);
   ray.d = sample.w;
+  if constexpr (C::kRayKinds) ray.mask = kShadowRay;
   Color sum;
   [[maybe_unused]] Color not_reached;  // By light paths.
   const auto add = [&](const Ray& segment, uint32_t crossing, double length,

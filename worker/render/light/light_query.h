@@ -43,10 +43,10 @@ struct LightQuery {
 };
 
 // By which one light is chosen.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 using ChoiceRowOf = std::conditional_t<Has(kTraits, Trait::kLearnedLights), ProductRow,
                                        LightVisibilityRowOf<kTraits>>;
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 ChoiceRowOf<kTraits> ChoiceRowFor(const LightQuery& query) {
   if constexpr (Has(kTraits, Trait::kLearnedLights)) {
     return {query.row, query.sketch};
@@ -55,12 +55,12 @@ ChoiceRowOf<kTraits> ChoiceRowFor(const LightQuery& query) {
   }
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 using LightQueryOf =
     std::conditional_t<Has(kTraits, Trait::kLightSplits), SplitLightQuery<ChoiceRowOf<kTraits>>,
                        ChoiceRowOf<kTraits>>;
 // The query, for code that is compiled for the traits.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 LightQueryOf<kTraits> QueryFor(const LightQuery& query) {
   if constexpr (Has(kTraits, Trait::kLightSplits)) {
     return {ChoiceRowFor<kTraits>(query), query.samples_max};

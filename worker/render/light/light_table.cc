@@ -79,7 +79,7 @@ LightTable::~LightTable() = default;
 
 bool LightTable::empty() const { return impl_->empty; }
 
-template <uint32_t kMask>
+template <TraitBits kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
     const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
@@ -91,7 +91,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleLights(
   return SampleOne<kMask>(impl, *chosen, p, n, u, wavelengths, preparation, query);
 }
 
-template <uint32_t kMask>
+template <TraitBits kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleChosenLight(
     const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightQueryOf<kMask> query) {
@@ -120,7 +120,7 @@ float LightTable::ChoiceProbability(uint32_t light, Vec3f p, Vec3f n,
 
 const LightChoice& LightTable::choice() const { return impl_->choice; }
 
-template <uint32_t kMask>
+template <TraitBits kMask>
 std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
     const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
@@ -189,7 +189,7 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
   return usable ? sample : std::nullopt;
 }
 
-template <uint32_t kMask>
+template <TraitBits kMask>
 float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                                Vec3f p_light, LightQueryOf<kMask> query) {
   double shape_pdf = 0;
@@ -312,7 +312,7 @@ template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&,
 // The header forwards to these: one instantiation for each combination of kLightTraits.
 #define SHEAF_INSTANTIATE_FOR(mask) \
   SHEAF_INSTANTIATE_IN_COLOR(mask)  \
-  SHEAF_INSTANTIATE_IN_COLOR((mask) | static_cast<uint32_t>(Trait::kSpectral))
+  SHEAF_INSTANTIATE_IN_COLOR((mask) | static_cast<TraitBits>(Trait::kSpectral))
 #define SHEAF_INSTANTIATE_IN_COLOR(mask)                                                           \
   template std::optional<LightSampleOf<ColorOf<(mask)>>> LightTable::SampleLights<(mask)>(         \
       const Impl&, Vec3f, Vec3f, float, Vec2f, const WavelengthsOf<ColorOf<(mask)>>&,              \
@@ -322,17 +322,17 @@ template void LightTable::AddByGroup<Spectral>(Vec3f, Vec3f, const Wavelengths&,
       LightQueryOf<(mask)>);                                                                       \
   template float LightTable::PdfOfEmitter<(mask)>(const Impl&, uint32_t, Vec3f, Vec3f, Vec3f,      \
                                                   Vec3f, LightQueryOf<(mask)>);
-#define SHEAF_INSTANTIATE_WITH(mask)                                          \
-  SHEAF_INSTANTIATE_FOR(mask)                                                 \
-  SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kEnvironment))  \
-  SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kDeltaLights))  \
-  SHEAF_INSTANTIATE_FOR((mask) | static_cast<uint32_t>(Trait::kEnvironment) | \
-                        static_cast<uint32_t>(Trait::kDeltaLights))
+#define SHEAF_INSTANTIATE_WITH(mask)                                           \
+  SHEAF_INSTANTIATE_FOR(mask)                                                  \
+  SHEAF_INSTANTIATE_FOR((mask) | static_cast<TraitBits>(Trait::kEnvironment))  \
+  SHEAF_INSTANTIATE_FOR((mask) | static_cast<TraitBits>(Trait::kDeltaLights))  \
+  SHEAF_INSTANTIATE_FOR((mask) | static_cast<TraitBits>(Trait::kEnvironment) | \
+                        static_cast<TraitBits>(Trait::kDeltaLights))
 SHEAF_INSTANTIATE_WITH(0u)
-SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights))
-SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kQuadrics))
-SHEAF_INSTANTIATE_WITH(static_cast<uint32_t>(Trait::kAreaLights) |
-                       static_cast<uint32_t>(Trait::kQuadrics))
+SHEAF_INSTANTIATE_WITH(static_cast<TraitBits>(Trait::kAreaLights))
+SHEAF_INSTANTIATE_WITH(static_cast<TraitBits>(Trait::kQuadrics))
+SHEAF_INSTANTIATE_WITH(static_cast<TraitBits>(Trait::kAreaLights) |
+                       static_cast<TraitBits>(Trait::kQuadrics))
 // Guided variants support every kind of light with a position.
 SHEAF_INSTANTIATE_FOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
                                Trait::kGuiding))
@@ -348,7 +348,7 @@ SHEAF_INSTANTIATE_IN_COLOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait:
 SHEAF_INSTANTIATE_IN_COLOR(TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights,
                                     Trait::kEnvironment, Trait::kLightSplits))
 // Varying emission is rare: its variants support every kind of light, guiding and splits.
-SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<uint32_t>(Trait::kSpectral))
+SHEAF_INSTANTIATE_FOR(LightTable::kLightTraits & ~static_cast<TraitBits>(Trait::kSpectral))
 #undef SHEAF_INSTANTIATE_WITH
 #undef SHEAF_INSTANTIATE_FOR
 #undef SHEAF_INSTANTIATE_IN_COLOR

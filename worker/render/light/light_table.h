@@ -142,7 +142,7 @@ class LightTable {
   // radiance 0. query, here and below: its row is of the region of p, from a LightVisibility with
   // the slots of choice(). Pdfs and samples at a point need the same query. Sample itself takes one
   // sample of all lights, as a query for one does.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u,
       const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}, const LightQuery& query = {}) const {
@@ -153,12 +153,12 @@ class LightTable {
   struct Preparation {
     EnvironmentMap::PlaceSample sky;
   };
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   Preparation PrepareSample(Vec2f u) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
     return Prepare(*impl_, u);
   }
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> Sample(
       Vec3f p, Vec3f n, float u_select, Vec2f u, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
       const Preparation& preparation, const LightQuery& query = {}) const {
@@ -168,7 +168,7 @@ class LightTable {
   // Solid-angle pdf (times the choice probability) with which Sample, called at p with n, would
   // have sampled the point p_light of the emitter along wi. Bit-identical to Sample's; 0 where
   // Sample returns none.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   float PdfEmitter(uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi, Vec3f p_light,
                    const LightQuery& query = {}) const {
     return PdfOfEmitter<LightTraitsOf(kTraits)>(*impl_, emitter, p, n, wi, p_light,
@@ -181,7 +181,7 @@ class LightTable {
   Color EmitterRadiance(uint32_t emitter, Vec3f ng, Vec3f wo,
                         const WavelengthsOf<Color>& wavelengths = {}) const;
   // The same where emission may vary over the surface. uv: texture coordinates.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   ColorOf<kTraits> EmitterRadianceAt(uint32_t emitter, Vec3f ng, Vec3f wo, Vec2f uv,
                                      const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
     if constexpr (Has(kTraits, Trait::kTexturedEmission)) {
@@ -192,13 +192,13 @@ class LightTable {
   }
   // Sum over all infinite lights as seen from p along the unit direction d, and Sample's pdf of it.
   // It depends on p only where lights have portals.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   ColorOf<kTraits> EnvironmentRadiance(
       Vec3f p, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
     return RadianceFromInfinity<ColorOf<kTraits>>(*impl_, p, d, wavelengths);
   }
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   float PdfEnvironment(Vec3f p, Vec3f n, Vec3f d, const LightQuery& query = {}) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return 0;
     return FromInfinity<Rgb>(*impl_, p, n, d, {}, {LocateInFirst(*impl_, d)},
@@ -206,7 +206,7 @@ class LightTable {
         .pdf;
   }
   // Both at once, at little more than the cost of one.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {},
       const LightQuery& query = {}) const {
@@ -214,12 +214,12 @@ class LightTable {
   }
   // The same in two steps: PrepareEnvironment prefetches environment map data while the caller
   // still traces the ray along d. Both steps must get the same d.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   EnvironmentMap::Place PrepareEnvironment(Vec3f d) const {
     if constexpr (!Has(kTraits, Trait::kEnvironment)) return {};
     return LocateInFirst(*impl_, d);
   }
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(
       Vec3f p, Vec3f n, Vec3f d, const WavelengthsOf<ColorOf<kTraits>>& wavelengths,
       EnvironmentMap::Place place, const LightQuery& query = {}) const {
@@ -239,10 +239,12 @@ class LightTable {
   float ChoiceProbability(uint32_t light, Vec3f p, Vec3f n, LightVisibilityRow row) const;
   // Lights have the indices [0, light_count()).
   uint32_t light_count() const;
+  // The index in SceneDescription::lights of a light without a shape; kNone for the others.
+  int32_t DescriptionOf(uint32_t light) const;
   // Computed from the light at each call.
   LightBounds BoundsOf(uint32_t light) const;
   // Samples the chosen light. Requires: chosen.probability is ChoiceProbability at p.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> SampleChosen(
       const ChosenLight& chosen, Vec3f p, Vec2f u,
       const WavelengthsOf<ColorOf<kTraits>>& wavelengths, LightVisibilityRow row = {}) const {
@@ -251,7 +253,7 @@ class LightTable {
   }
   // The same as seen from a surface with normal n, for a light that choice().ChooseFrom chose from
   // a part of the query's cut. Requires: Trait::kLightSplits.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   std::optional<LightSampleOf<ColorOf<kTraits>>> SampleOfPart(
       const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
       const WavelengthsOf<ColorOf<kTraits>>& wavelengths, const LightQuery& query) const {
@@ -280,32 +282,32 @@ class LightTable {
   // For the other files of this folder: light_table_impl.h.
   const Impl& impl() const { return *impl_; }
   // The traits that matter here: one instantiation for each combination.
-  static constexpr uint32_t kLightTraits =
-      static_cast<uint32_t>(Trait::kEnvironment) | static_cast<uint32_t>(Trait::kDeltaLights) |
-      static_cast<uint32_t>(Trait::kAreaLights) | static_cast<uint32_t>(Trait::kQuadrics) |
-      static_cast<uint32_t>(Trait::kTexturedEmission) | static_cast<uint32_t>(Trait::kSpectral) |
-      static_cast<uint32_t>(Trait::kGuiding) | static_cast<uint32_t>(Trait::kLightSplits) |
-      static_cast<uint32_t>(Trait::kLearnedLights);
-  static constexpr uint32_t LightTraitsOf(uint32_t traits) { return traits & kLightTraits; }
+  static constexpr TraitBits kLightTraits =
+      static_cast<TraitBits>(Trait::kEnvironment) | static_cast<TraitBits>(Trait::kDeltaLights) |
+      static_cast<TraitBits>(Trait::kAreaLights) | static_cast<TraitBits>(Trait::kQuadrics) |
+      static_cast<TraitBits>(Trait::kTexturedEmission) | static_cast<TraitBits>(Trait::kSpectral) |
+      static_cast<TraitBits>(Trait::kGuiding) | static_cast<TraitBits>(Trait::kLightSplits) |
+      static_cast<TraitBits>(Trait::kLearnedLights);
+  static constexpr TraitBits LightTraitsOf(TraitBits traits) { return traits & kLightTraits; }
 
  private:
   LightTable();
-  template <uint32_t kMask>
+  template <TraitBits kMask>
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleLights(
       const Impl& impl, Vec3f p, Vec3f n, float u_select, Vec2f u,
       const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
       LightQueryOf<kMask> query);
-  template <uint32_t kMask>
+  template <TraitBits kMask>
   static std::optional<LightSampleOf<ColorOf<kMask>>> SampleChosenLight(
       const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
       const WavelengthsOf<ColorOf<kMask>>& wavelengths, LightQueryOf<kMask> query);
   // Inlined into both.
-  template <uint32_t kMask>
+  template <TraitBits kMask>
   [[gnu::always_inline]] static inline std::optional<LightSampleOf<ColorOf<kMask>>> SampleOne(
       const Impl& impl, const ChosenLight& chosen, Vec3f p, Vec3f n, Vec2f u,
       const WavelengthsOf<ColorOf<kMask>>& wavelengths, const Preparation& preparation,
       LightQueryOf<kMask> query);
-  template <uint32_t kMask>
+  template <TraitBits kMask>
   static float PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3f n, Vec3f wi,
                             Vec3f p_light, LightQueryOf<kMask> query);
   template <typename Color>

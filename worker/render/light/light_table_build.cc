@@ -177,6 +177,14 @@ uint32_t LightTable::light_count() const {
 }
 LightBounds LightTable::BoundsOf(uint32_t light) const { return BoundsOfLight(*impl_, light); }
 
+int32_t LightTable::DescriptionOf(uint32_t light) const {
+  const size_t emitters = impl_->triangles.size() + impl_->spheres.size() + impl_->disks.size();
+  if (light < emitters) return kNone;
+  const size_t index = light - emitters, deltas = impl_->deltas.size();
+  return index < deltas ? impl_->deltas[index].description
+                        : impl_->infinites[index - deltas].description;
+}
+
 void LightTable::AssignGroups(const SceneDescription& scene,
                               const std::vector<std::string>& groups) {
   const auto index_of = [&groups](const std::string& name) {

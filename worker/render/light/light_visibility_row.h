@@ -55,11 +55,11 @@ struct NoLightVisibilityRow {
 template <typename Row>
 inline constexpr bool kHasFactors = std::is_base_of_v<LightVisibilityRow, Row>;
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 using LightVisibilityRowOf =
     std::conditional_t<KnowsLights(kTraits), LightVisibilityRow, NoLightVisibilityRow>;
 // The row, for code that is compiled for the traits.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 LightVisibilityRowOf<kTraits> RowFor([[maybe_unused]] LightVisibilityRow row) {
   if constexpr (KnowsLights(kTraits)) {
     return row;

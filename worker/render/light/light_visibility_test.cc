@@ -263,9 +263,9 @@ std::unique_ptr<LightTable> MakeTable(uint32_t triangle_count) {
 }
 
 TEST(LightVisibilityTest, TablesSampleAndWeighByTheSameRow) {
-  constexpr uint32_t kUnguided =
+  constexpr TraitBits kUnguided =
       TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kDeltaLights, Trait::kEnvironment);
-  constexpr uint32_t kGuided = kUnguided | TraitSet(Trait::kGuiding);
+  constexpr TraitBits kGuided = kUnguided | TraitSet(Trait::kGuiding);
   constexpr Vec3f kP{0.1f, 0.2f, 0}, kN{0, 0, 1};
   for (uint32_t count : {4u, 40u}) {
     const auto table = MakeTable(count);

@@ -298,7 +298,7 @@ const CompiledMaterial& ChooseMaterial(const std::vector<CompiledMaterial>& mate
   return *chosen;
 }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 BsdfOf<ColorOf<kTraits>> MaterialTable::Evaluate(
     int32_t material, const TexturePoint& point, float u_mix,
     const WavelengthsOf<ColorOf<kTraits>>& wavelengths) const {
@@ -379,7 +379,7 @@ uint64_t MaterialTable::memory_bytes() const {
 
 uint64_t MaterialTable::texture_bytes() const { return impl_->cache->memory_bytes(); }
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 float MaterialTable::EvaluateFloat(const FloatInput& input, const TexturePoint& point) const {
   if constexpr (Has(kTraits, Trait::kTextures)) {
     return impl_->textures->Float(impl_->textures->Operand(input), point);

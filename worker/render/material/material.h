@@ -48,7 +48,7 @@ class MaterialTable {
   // be constant, and without kAlpha there must be no mixes: the plan ensures both. Rows that the
   // Bsdf points to live as long as *this. Thread safety: any number of threads at once.
   // Instantiated for every variant of variant_list.h.
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   BsdfOf<ColorOf<kTraits>> Evaluate(int32_t material, const TexturePoint& point, float u_mix,
                                     const WavelengthsOf<ColorOf<kTraits>>& wavelengths = {}) const;
   // Returns plane.n perturbed by the normal or bump map of the material that Evaluate would choose;
@@ -64,7 +64,7 @@ class MaterialTable {
   Spectral SubsurfaceAlbedo(int32_t material, const TexturePoint& point,
                             const Wavelengths& wavelengths) const;
   // Value of a float input (cut-outs), unclamped: a mask may exceed [0, 1].
-  template <uint32_t kTraits>
+  template <TraitBits kTraits>
   float EvaluateFloat(const FloatInput& input, const TexturePoint& point) const;
   // Without texels, which the texture cache limits separately.
   uint64_t memory_bytes() const;

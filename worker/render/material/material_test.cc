@@ -134,7 +134,7 @@ TEST(MaterialTableTest, ConstantTexturesNeedNoTextureTrait) {
   const auto table = f.Build();
   ASSERT_TRUE(table.ok());
   const Bsdf bsdf =
-      (*table)->Evaluate<static_cast<uint32_t>(Trait::kAreaLights)>(m, TexturePoint{}, 0);
+      (*table)->Evaluate<static_cast<TraitBits>(Trait::kAreaLights)>(m, TexturePoint{}, 0);
   EXPECT_FLOAT_EQ(bsdf.color.r, 0.4f);
 }
 

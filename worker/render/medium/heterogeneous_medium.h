@@ -25,7 +25,7 @@ namespace sheaf::render {
 
 // The time of a ray as a fraction of the shutter interval; NoTime where no medium moves.
 struct NoTime {};
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 auto TimeOfMedia([[maybe_unused]] float shutter_fraction) {
   if constexpr (Has(kTraits, Trait::kMovingVolumes)) {
     return static_cast<double>(shutter_fraction);

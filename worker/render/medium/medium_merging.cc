@@ -78,6 +78,7 @@ std::vector<uint32_t> CountNames(const SceneDescription& scene, const SceneGeome
 bool IsPlainInterface(const SceneDescription& scene, const BakedMesh& mesh) {
   const Surface& surface = mesh.surface;
   if (surface.material == kNone || surface.has_alpha || surface.emitter != kNoEmitter) return false;
+  if (surface.invisible != 0) return false;
   const MaterialDescription& material = scene.materials[static_cast<size_t>(surface.material)];
   return std::holds_alternative<InterfaceMaterial>(material.material) && !material.priority &&
          surface.media.inside != kNone && surface.media.outside == kNone && mesh.steps.empty();

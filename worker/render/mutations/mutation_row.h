@@ -36,7 +36,7 @@ struct MutatedState {
   double excess = 0;     // The excess as a part of the sample.
 };
 
-template <uint32_t kTraits, typename Tracer>
+template <TraitBits kTraits, typename Tracer>
 class MutationIntegrator {
  public:
   using C = IntegratorConfig<kTraits, Tracer, DirectLight::kByBoth, PathKind::kMutated>;
@@ -109,7 +109,7 @@ class MutationIntegrator {
   PathIntegrator<kTraits, Tracer, DirectLight::kByBoth, PathKind::kMutated> paths_;
 };
 
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TraceMutationRow(const CompiledScene& scene, const ChainRules& rules, uint64_t seed,
                       int32_t step, int32_t y, uint64_t pass, MutationSink* sink,
                       RayCounts* counts) {

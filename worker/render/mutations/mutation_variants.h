@@ -14,6 +14,7 @@
 #include "common/film/film_tile.h"
 #include "worker/render/integrator/ray_counts.h"
 #include "worker/render/sampling/mutated_sampler.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 
@@ -60,7 +61,7 @@ using MutationRowFunction = void (*)(const CompiledScene& scene, const ChainRule
 MutationRowFunction MutationRowFunctionOf(size_t variant);
 
 // Defined once for each variant, in generated files.
-template <uint32_t kTraits>
+template <TraitBits kTraits>
 void TraceMutationRow(const CompiledScene& scene, const ChainRules& rules, uint64_t seed,
                       int32_t step, int32_t y, uint64_t pass, MutationSink* sink,
                       RayCounts* counts);

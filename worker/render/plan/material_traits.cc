@@ -17,7 +17,7 @@
 namespace sheaf::render {
 namespace {
 
-uint32_t Bit(Trait trait) { return static_cast<uint32_t>(trait); }
+TraitBits Bit(Trait trait) { return static_cast<TraitBits>(trait); }
 
 // The needs of one material, without those of the materials that it mixes.
 class NeedsCollector {

@@ -9,11 +9,12 @@
 #include <vector>
 
 #include "common/scene/scene_description.h"
+#include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
 
 struct MaterialNeeds {
-  uint32_t traits = 0;       // Bits of enum Trait; for a mix, those of all its materials.
+  TraitBits traits = 0;      // Bits of enum Trait; for a mix, those of all its materials.
   bool may_pass = false;     // An interface (glass of index 1 is one), or a mix.
   bool is_boundary = false;  // Light passes into the body behind it: glass, an interface, tissue.
   bool anisotropic = false;  // The BSDF depends on the tangent.

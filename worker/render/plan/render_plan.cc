@@ -142,6 +142,7 @@ class PlanMaker {
       if (in_world) light_count_ += CountFaces(shape);
     }
     ExamineNormals(shape, static_cast<double>(kTiltCosineMax));
+    if (shape.invisible != 0) Require(Trait::kRayVisibility, shape.location, "\"invisible\"");
     if (shape.has_alpha) {
       Require(Trait::kAlpha, shape.location, "Shape \"alpha\"");
       if (shape.alpha.texture != kNone) ExamineTexture(shape.alpha.texture);
@@ -196,13 +197,12 @@ class PlanMaker {
     if (material == kNone || !materials_examined_.insert(material).second) return;
     const MaterialDescription& description = scene_.materials[material];
     has_scattering_media_ = has_scattering_media_ || !IsBlack(description);
-    const uint32_t traits = needs_.Of(material).traits;
+    const TraitBits traits = needs_.Of(material).traits;
     const std::string what = description.name.empty()
                                  ? std::string("Material")
                                  : absl::StrCat("material \"", description.name, "\"");
     for (const TraitName& t : kTraitNames) {
-      if ((traits & static_cast<uint32_t>(t.trait)) != 0)
-        Require(t.trait, description.location, what);
+      if (Has(traits, t.trait)) Require(t.trait, description.location, what);
     }
     const auto* subsurface = std::get_if<SubsurfaceMaterial>(&description.material);
     if (subsurface != nullptr) ExamineMedium(scene_.media[subsurface->medium]);
@@ -236,6 +236,7 @@ class PlanMaker {
   }
 
   void ExamineLight(const LightDescription& light) {
+    if (light.invisible != 0) Require(Trait::kRayVisibility, light.location, "\"invisible\"");
     if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) {
       Require(Trait::kEnvironment, light.location, "LightSource \"infinite\"");
       if (infinite->file.empty()) ExamineEmission(infinite->radiance, light.location);
@@ -375,7 +376,7 @@ class PlanMaker {
         plan.unused.emplace_back(t.name);
         continue;
       }
-      plan.traits |= static_cast<uint32_t>(t.trait);
+      plan.traits |= static_cast<TraitBits>(t.trait);
       std::string cause = causes_[i].text;
       if (causes_[i].count > 1) absl::StrAppend(&cause, " (and ", causes_[i].count - 1, " more)");
       plan.effects.push_back({t.trait, t.name, cause, t.time_ratio});
@@ -438,8 +439,7 @@ std::string FormatRenderPlan(const RenderPlan& plan) {
   for (const std::string& note : plan.notes) absl::StrAppend(&text, note, "\n");
   std::vector<std::string> carried;
   for (const TraitName& t : kTraitNames) {
-    const auto bit = static_cast<uint32_t>(t.trait);
-    if ((plan.variant_traits & bit) != 0 && (plan.traits & bit) == 0) carried.emplace_back(t.name);
+    if (Has(plan.variant_traits & ~plan.traits, t.trait)) carried.emplace_back(t.name);
   }
   absl::StrAppend(&text, "variant: ", plan.variant_name);
   if (!carried.empty()) absl::StrAppend(&text, " (also supports ", JoinNames(carried), ")");

@@ -25,8 +25,8 @@ struct PlannedEffect {
   double expected_time_ratio = 1;
 };
 struct RenderPlan {
-  uint32_t traits = 0;          // The scene's.
-  uint32_t variant_traits = 0;  // The compiled variant's: a superset of traits.
+  TraitBits traits = 0;          // The scene's.
+  TraitBits variant_traits = 0;  // The compiled variant's: a superset of traits.
   std::string variant_name;
   // The settings' value, or less where deeper paths would carry exactly zero light.
   int32_t max_depth = 0;
@@ -39,17 +39,17 @@ struct RenderPlan {
 };
 
 // The traits that the settings' techniques alone decide; and those of these settings.
-inline constexpr uint32_t kTechniqueTraits =
+inline constexpr TraitBits kTechniqueTraits =
     TraitSet(Trait::kGuiding, Trait::kLightSplits, Trait::kLearnedLights);
-constexpr uint32_t TechniqueTraits(const FrameSettings& settings) {
+constexpr TraitBits TechniqueTraits(const FrameSettings& settings) {
   // Guided frames know lights with the trait of guiding. Choices by product have the code of
   // learned lights, with or without rows.
   const bool learns_lights =
       (LearnsLights(settings.techniques) && !IsGuided(settings.techniques)) ||
       ChoosesByProduct(settings.techniques);
-  return (IsGuided(settings.techniques) ? static_cast<uint32_t>(Trait::kGuiding) : 0) |
-         (learns_lights ? static_cast<uint32_t>(Trait::kLearnedLights) : 0) |
-         (settings.light_samples > 1 ? static_cast<uint32_t>(Trait::kLightSplits) : 0);
+  return (IsGuided(settings.techniques) ? static_cast<TraitBits>(Trait::kGuiding) : 0) |
+         (learns_lights ? static_cast<TraitBits>(Trait::kLearnedLights) : 0) |
+         (settings.light_samples > 1 ? static_cast<TraitBits>(Trait::kLightSplits) : 0);
 }
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings);

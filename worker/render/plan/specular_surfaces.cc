@@ -6,6 +6,7 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/settings/ray_visibility_check.h"
 
 namespace sheaf::render {
 namespace {
@@ -118,6 +119,11 @@ std::string SharingNote(const SceneDescription& scene, bool by_views, bool world
 
 void NoteSharedPaths(const SceneDescription& scene, const FrameSettings& settings, bool world_moves,
                      std::vector<std::string>* notes) {
+  if (FirstInvisible(scene) != nullptr) {
+    notes->emplace_back(
+        "ray visibility: paths begin at the camera alone, each for one pixel; light paths, sharing "
+        "and mutations are off, as they do not know the kinds of their rays");
+  }
   if (settings.IsStereo()) notes->push_back(StereoNote(scene));
   if (!SharesPaths(settings.techniques)) return;
   notes->push_back(SharingNote(scene, SharesViews(settings.techniques), world_moves));

@@ -48,6 +48,7 @@ inline constexpr TraitName kTraitNames[] = {
     {Trait::kPrincipled, "principled materials"},
     {Trait::kVertexNormals, "vertex normals", 1.07},
     {Trait::kLearnedLights, "learned lights"},
+    {Trait::kRayVisibility, "ray visibility"},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 

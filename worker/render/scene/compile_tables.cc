@@ -13,6 +13,7 @@
 #include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/scene/film_size.h"
+#include "common/scene/settings/ray_visibility_check.h"
 #include "worker/render/gather/merging.h"
 #include "worker/render/plan/specular_surfaces.h"
 #include "worker/render/scene/scene_baker.h"
@@ -136,6 +137,18 @@ absl::Status BuildLights(FileSource& files, const CompileTechniques& techniques,
   return absl::OkStatus();
 }
 
+absl::Status BuildRayVisibility(CompiledScene* scene) {
+  if (!Has(scene->plan.traits, Trait::kRayVisibility)) return absl::OkStatus();
+  if (absl::Status status = CheckRayVisibility(scene->description, scene->settings); !status.ok()) {
+    return status;
+  }
+  absl::StatusOr<RayVisibility> visibility =
+      MakeRayVisibility(scene->description, scene->geometry, *scene->lights);
+  if (!visibility.ok()) return visibility.status();
+  scene->visibility = *std::move(visibility);
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status BuildTechniques(CompiledScene* scene) {
@@ -211,6 +224,7 @@ absl::StatusOr<std::unique_ptr<CompiledScene>> CompileTables(SceneDescription de
       !built.ok()) {
     return built;
   }
+  if (absl::Status built = BuildRayVisibility(scene.get()); !built.ok()) return built;
   scene->roulette_depth_min = input.techniques.roulette_depth_min;
   if ((scene->plan.traits & kInsides) != 0) {
     const absl::Status built = BuildMedia(files, &input, scene.get());

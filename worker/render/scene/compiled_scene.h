@@ -27,6 +27,7 @@
 #include "worker/render/sampling/filter.h"
 #include "worker/render/scene/compile_scene.h"
 #include "worker/render/scene/interior_table.h"
+#include "worker/render/scene/ray_visibility.h"
 #include "worker/render/scene/scene_ids.h"
 
 namespace sheaf::render {
@@ -64,6 +65,7 @@ class CompiledScene {
   uint64_t training_paths_first = 0;  // As in CompileTechniques.
   uint32_t media_group = 0;           // Index of the light group of media emission.
   SceneIds ids;                       // Empty unless requested.
+  RayVisibility visibility;           // Empty unless the plan has kRayVisibility.
   // Where light paths begin in media; null where `emission` is, or no medium emits.
   std::unique_ptr<EmissionPoints> emission_points;
   // A pass merges light paths with the camera paths of one in this many pixels; 0: of none.

@@ -42,12 +42,14 @@ MediumSet InteriorsAlong(const SceneGeometry& geometry, const EmbreeScene& trace
   Ray ray;
   ray.o = o;
   ray.d = d;
+  ray.mask = BitOf(RayKind::kCamera);
   for (int i = 0; i < kBoundariesMax; ++i) {
     RawHit hit;
     if (!tracer.Intersect(ray, &hit)) break;
     const SurfacePoint point = MakeSurfacePoint<kAllTraits>(geometry, ray, hit);
     const uint16_t rank = point.surface->rank;
-    if (rank != kNoRank) {
+    const bool is_seen = (point.surface->invisible & BitOf(RayKind::kCamera)) == 0;
+    if (rank != kNoRank && is_seen) {
       const bool enters = Dot(d, point.ng) < 0;
       if (enters ? !entered.Add(rank) : (!entered.Remove(rank) && !inside.Add(rank))) break;
     }

@@ -173,6 +173,11 @@ Surface ShapeBaker::MakeSurface(int32_t shape_index) const {
   surface.has_subsurface_texture = needs.has_subsurface_texture;
   surface.may_pass = needs.may_pass;
   surface.is_boundary = needs.is_boundary || shape.media.Separates();
+  surface.invisible = shape.invisible;
+  const bool has_priority = shape.material != kNone && scene_.materials[shape.material].priority;
+  surface.seen_by =
+      SeenBy(shape.invisible, shape.area_light != kNone,
+             shape.media.Separates() || has_priority || Has(needs.traits, Trait::kSubsurface));
   surface.emits_on_front_only =
       shape.area_light != kNone &&
       !scene_.area_lights[static_cast<size_t>(shape.area_light)].two_sided;

@@ -139,8 +139,8 @@ class Emitters {
   bool AreTwins(const ShapeDescription& a, const ShapeDescription& b) const {
     return a.shape.index() == b.shape.index() && AreEqualMaterials(a.material, b.material) &&
            a.reverse_orientation == b.reverse_orientation && a.has_alpha == b.has_alpha &&
-           AreEqual(a.alpha, b.alpha) && a.media.inside == b.media.inside &&
-           a.media.outside == b.media.outside &&
+           a.invisible == b.invisible && AreEqual(a.alpha, b.alpha) &&
+           a.media.inside == b.media.inside && a.media.outside == b.media.outside &&
            AreEqual(a.world_from_object, b.world_from_object) &&
            AreEqual(scene_.area_lights[a.area_light], scene_.area_lights[b.area_light]) &&
            AreEqualShapes(a, b);

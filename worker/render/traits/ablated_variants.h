@@ -12,7 +12,7 @@
 
 namespace sheaf::render {
 
-constexpr uint32_t CommonWithout(Trait trait) { return kCommonTraits & ~TraitSet(trait); }
+constexpr TraitBits CommonWithout(Trait trait) { return kCommonTraits & ~TraitSet(trait); }
 
 }  // namespace sheaf::render
 

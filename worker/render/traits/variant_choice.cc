@@ -17,7 +17,7 @@ namespace {
 
 struct Entry {
   const char* name;
-  uint32_t traits;
+  TraitBits traits;
 };
 #define SHEAF_VARIANT_ENTRY(name, traits) {name, traits},
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
@@ -28,8 +28,8 @@ constexpr Entry kMutationEntries[] = {SHEAF_MUTATION_VARIANTS(SHEAF_VARIANT_ENTR
 
 // Cost of the traits that a variant includes for other scenes: first by those that every path pays
 // for (a path looks up its media at each segment), then by number.
-std::pair<int, int> CostOf(uint32_t carried) {
-  constexpr uint32_t kPaid = kPaidByEveryPath | TraitSet(Trait::kMedia);
+std::pair<int, int> CostOf(TraitBits carried) {
+  constexpr TraitBits kPaid = kPaidByEveryPath | TraitSet(Trait::kMedia);
   return {std::popcount(carried & kPaid), std::popcount(carried)};
 }
 
@@ -39,13 +39,13 @@ std::vector<Variant> VariantsOf(std::span<const Entry> entries) {
   return variants;
 }
 
-size_t ChooseAmong(std::span<const Entry> entries, uint32_t traits, bool force_generic) {
+size_t ChooseAmong(std::span<const Entry> entries, TraitBits traits, bool force_generic) {
   // RGB and spectra give different images, so neither replaces the other.
-  constexpr uint32_t kColor = TraitSet(Trait::kSpectral);
+  constexpr TraitBits kColor = TraitSet(Trait::kSpectral);
   if (force_generic) traits |= kAllTraits;
   std::optional<size_t> best;
   for (size_t i = 0; i < entries.size(); ++i) {
-    const uint32_t held = entries[i].traits;
+    const TraitBits held = entries[i].traits;
     if ((traits & ~held) != 0 || (held & kColor) != (traits & kColor)) continue;
     if (!best || CostOf(held & ~traits) < CostOf(entries[*best].traits & ~traits)) best = i;
   }
@@ -56,22 +56,22 @@ size_t ChooseAmong(std::span<const Entry> entries, uint32_t traits, bool force_g
 }  // namespace
 
 std::vector<Variant> AllVariants() { return VariantsOf(kEntries); }
-size_t ChooseVariant(uint32_t traits, bool force_generic) {
+size_t ChooseVariant(TraitBits traits, bool force_generic) {
   return ChooseAmong(kEntries, traits, force_generic);
 }
 
 std::vector<Variant> AllLightPathVariants() { return VariantsOf(kLightPathEntries); }
-size_t ChooseLightPathVariant(uint32_t traits, bool force_generic) {
+size_t ChooseLightPathVariant(TraitBits traits, bool force_generic) {
   return ChooseAmong(kLightPathEntries, traits, force_generic);
 }
 
 std::vector<Variant> AllEyeVariants() { return VariantsOf(kEyeEntries); }
-size_t ChooseEyeVariant(uint32_t traits, bool force_generic) {
+size_t ChooseEyeVariant(TraitBits traits, bool force_generic) {
   return ChooseAmong(kEyeEntries, traits, force_generic);
 }
 
 std::vector<Variant> AllMutationVariants() { return VariantsOf(kMutationEntries); }
-size_t ChooseMutationVariant(uint32_t traits, bool force_generic) {
+size_t ChooseMutationVariant(TraitBits traits, bool force_generic) {
   return ChooseAmong(kMutationEntries, traits, force_generic);
 }
 

@@ -15,39 +15,39 @@
 namespace sheaf::render {
 
 // Simple rooms: diffuse surfaces and area lights.
-inline constexpr uint32_t kDiffuseTraits = TraitSet(Trait::kAreaLights);
+inline constexpr TraitBits kDiffuseTraits = TraitSet(Trait::kAreaLights);
 // Glass and metal under area lights.
-inline constexpr uint32_t kGlossyTraits = TraitSet(
+inline constexpr TraitBits kGlossyTraits = TraitSet(
     Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kSpecularTransmission);
 // Coated and rough surfaces under area lights.
-inline constexpr uint32_t kCoatedTraits =
+inline constexpr TraitBits kCoatedTraits =
     TraitSet(Trait::kAreaLights, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered,
              Trait::kVertexNormals);
 // Products under an environment map.
-inline constexpr uint32_t kOutdoorTraits =
+inline constexpr TraitBits kOutdoorTraits =
     TraitSet(Trait::kEnvironment, Trait::kTextures, Trait::kMicrofacet, Trait::kLayered,
              Trait::kVertexNormals);
 // Moving coated and rough surfaces under area lights.
-inline constexpr uint32_t kMovingTraits = kCoatedTraits | TraitSet(Trait::kMotion);
+inline constexpr TraitBits kMovingTraits = kCoatedTraits | TraitSet(Trait::kMotion);
 // Coated and rough surfaces in a room under an environment.
-inline constexpr uint32_t kOpenTraits =
+inline constexpr TraitBits kOpenTraits =
     TraitSet(Trait::kEnvironment, Trait::kQuadrics, Trait::kMicrofacet, Trait::kLayered,
              Trait::kVertexNormals);
 // Textured objects in a studio: area lights and lights without size.
-inline constexpr uint32_t kStudioTraits =
+inline constexpr TraitBits kStudioTraits =
     kCoatedTraits | TraitSet(Trait::kTextures, Trait::kDeltaLights);
 // Traits that cost almost nothing in scenes without them (tests/cost counts it): the kinds of
 // surfaces and shapes, of which a hit involves one, and those of lights with a position.
-inline constexpr uint32_t kCommonTraits =
+inline constexpr TraitBits kCommonTraits =
     TraitSet(Trait::kTextures, Trait::kDeltaLights, Trait::kAreaLights,
              Trait::kSpecularTransmission, Trait::kLayered, Trait::kMicrofacet, Trait::kInstances,
              Trait::kQuadrics, Trait::kVertexNormals);
 // Traits that every path would pay for: environment lookups are prefetched, lens and shutter use
 // sample points, and shadow rays test cut-outs hit by hit. There are variants with every
 // combination of these, so that no scene includes one that it does not need.
-inline constexpr uint32_t kPaidByEveryPath =
+inline constexpr TraitBits kPaidByEveryPath =
     TraitSet(Trait::kEnvironment, Trait::kLens, Trait::kMotion, Trait::kAlpha);
-constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool cut_outs) {
+constexpr TraitBits CommonTraits(bool environment, bool lens, bool motion, bool cut_outs) {
   return kCommonTraits | (environment ? TraitSet(Trait::kEnvironment) : 0) |
          (lens ? TraitSet(Trait::kLens) : 0) | (motion ? TraitSet(Trait::kMotion) : 0) |
          (cut_outs ? TraitSet(Trait::kAlpha) : 0);
@@ -55,36 +55,36 @@ constexpr uint32_t CommonTraits(bool environment, bool lens, bool motion, bool c
 
 // The same with wavelengths instead of RGB. A scene uses exactly one of the two, so these variants
 // never serve RGB scenes, nor the others spectral ones.
-constexpr uint32_t Spectrally(uint32_t traits) { return traits | TraitSet(Trait::kSpectral); }
+constexpr TraitBits Spectrally(TraitBits traits) { return traits | TraitSet(Trait::kSpectral); }
 // The same with normal and bump maps, which add state to every vertex.
-constexpr uint32_t Mapped(uint32_t traits) { return traits | TraitSet(Trait::kNormalMaps); }
+constexpr TraitBits Mapped(TraitBits traits) { return traits | TraitSet(Trait::kNormalMaps); }
 
 // The same with directions from a learned field.
-constexpr uint32_t Guided(uint32_t traits) { return traits | TraitSet(Trait::kGuiding); }
+constexpr TraitBits Guided(TraitBits traits) { return traits | TraitSet(Trait::kGuiding); }
 // The same with lights that are chosen by what regions have learned.
-constexpr uint32_t LearnedLights(uint32_t traits) {
+constexpr TraitBits LearnedLights(TraitBits traits) {
   return traits | TraitSet(Trait::kLearnedLights);
 }
 // The same with several light samples at a vertex.
-constexpr uint32_t LightSplit(uint32_t traits) { return traits | TraitSet(Trait::kLightSplits); }
+constexpr TraitBits LightSplit(TraitBits traits) { return traits | TraitSet(Trait::kLightSplits); }
 
 // Principled materials, such as those of glTF files, with what such scenes have besides.
-inline constexpr uint32_t kPrincipledTraits =
+inline constexpr TraitBits kPrincipledTraits =
     Mapped(CommonTraits(true, false, false, true)) | TraitSet(Trait::kPrincipled);
 
 // Fog, smoke and absorbing glass. Medium boundaries are often null interfaces, so all of these
 // include cut-outs.
-constexpr uint32_t MediaTraits(bool environment) {
+constexpr TraitBits MediaTraits(bool environment) {
   return CommonTraits(environment, false, false, true) | TraitSet(Trait::kMedia);
 }
 // The same with chromatic or emissive media.
-inline constexpr uint32_t kColoredMediaTraits =
+inline constexpr TraitBits kColoredMediaTraits =
     MediaTraits(true) | TraitSet(Trait::kChromaticMedia, Trait::kEmissiveMedia);
 // Rooms with colored glass or liquids, bounded by surfaces.
-inline constexpr uint32_t kColoredGlassTraits =
+inline constexpr TraitBits kColoredGlassTraits =
     CommonTraits(false, false, false, false) | TraitSet(Trait::kMedia, Trait::kChromaticMedia);
 // Clouds, smoke and fire on grids, under the sun and a sky, with few other effects.
-inline constexpr uint32_t kCloudTraits =
+inline constexpr TraitBits kCloudTraits =
     TraitSet(Trait::kEnvironment, Trait::kDeltaLights, Trait::kAlpha, Trait::kMicrofacet,
              Trait::kQuadrics, Trait::kMedia, Trait::kHeterogeneousMedia, Trait::kChromaticMedia,
              Trait::kEmissiveMedia, Trait::kVertexNormals);

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/scene/formats/ies_reader.h"
 #include "common/scene/pbrt/statements/color_parameters.h"
+#include "common/scene/pbrt/statements/ray_visibility.h"
 #include "common/scene/pbrt/statements/supported_names.h"
 
 namespace sheaf {
@@ -34,6 +35,15 @@ std::string GetGroup(ParameterList& parameters) {
   if (why_not.empty()) return group;
   parameters.ErrorAt(*parameters.Find("lightgroup"), absl::StrCat("\"", group, "\" ", why_not));
   return kDefaultLightGroup;
+}
+
+// Sheaf's own parameter: the kinds of rays that do not see a light without a shape.
+RayKinds GetInvisibleOfLight(ParameterList& parameters) {
+  RayKinds invisible = GetInvisible(parameters);
+  if ((invisible & BitOf(RayKind::kShadow)) == 0) return invisible;
+  parameters.ErrorAt(*parameters.Find("invisible"),
+                     "has \"shadow\", but a light without a shape casts none; remove it");
+  return 0;
 }
 
 // Older scenes give the number of light samples per point.
@@ -221,6 +231,7 @@ std::optional<LightDescription> GetLight(const std::string& type, const Matrix4&
   }
   light.scale = GetScale(parameters, has_power);
   light.group = GetGroup(parameters);
+  light.invisible = GetInvisibleOfLight(parameters);
   PassOverSampleCount(parameters);
   parameters.ReportUnused();
   return light;

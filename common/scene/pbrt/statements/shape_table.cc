@@ -362,7 +362,7 @@ bool ShapeTable::JoinCurves(const std::vector<int32_t>& earlier, const ShapeDesc
     if (curves == nullptr || scene_->curve_sets[curves->curves].kind != from.kind ||
         other.material != shape.material || other.matte_name != shape.matte_name ||
         other.has_alpha != shape.has_alpha || other.alpha.texture != shape.alpha.texture ||
-        other.alpha.value != shape.alpha.value ||
+        other.alpha.value != shape.alpha.value || other.invisible != shape.invisible ||
         other.reverse_orientation != shape.reverse_orientation ||
         !IsSamePlace(other.world_from_object, shape.world_from_object)) {
       continue;
