@@ -52,7 +52,8 @@ class SheafSettings(bpy.types.PropertyGroup):
         *((name, name, "") for name in (
             "camera", "auto", "camera+light", "camera+light+merging",
             "camera+light+emission-guiding", "camera+light+merging+emission-guiding",
-             "camera+sharing", "camera+sharing+views", "camera+mutations", "camera+product",
+             "camera+sharing", "camera+sharing+views", "camera+mutations", "camera+chains",
+             "camera+product",
              "camera+learned-lights", "camera+light+learned-lights",
             "camera+guiding", "camera+light+guiding", "camera+light+guiding+merging",
             "camera+guiding+splitting", "camera+light+guiding+splitting"))], default="default")

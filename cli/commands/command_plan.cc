@@ -83,6 +83,11 @@ class PlanCommand : public Command {
           absl::InvalidArgumentError("--measure knows paths of one pixel; remove --stereo, and "
                                      "+sharing or +mutations of --techniques"));
     }
+    if (measure_ && HasChains(opened.settings.techniques)) {
+      return ReportError(ExitCode::kUsage,
+                         absl::InvalidArgumentError("--measure knows no chains; remove +chains of "
+                                                    "--techniques"));
+    }
     if (measure_) {
       if (FirstInvisible(scene) == nullptr) {
         absl::StatusOr<render::TechniqueMeasurement> compared = render::MeasureTechniques(

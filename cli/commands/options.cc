@@ -208,7 +208,7 @@ void ParseTechniques(const std::string& text, RenderSettings* settings) {
           ? absl::StrCat("\"", text, "\" is not one of ", absl::StrJoin(words, ", "),
                          " or these with +learned-lights, +product, +merging or "
                          "+emission-guiding, or camera "
-                         "with +sharing, +sharing+views or +mutations",
+                         "with +sharing, +sharing+views, +mutations or +chains",
                          NearestNameHint(text, words))
           : std::string(techniques.status().message()));
 }
@@ -268,9 +268,10 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "by a blur, which errors include. +sharing: paths from the camera count in all pixels "
           "whose filters cover them; +views: and through several points of the lens and, if only "
           "the camera moves, times of the shutter. +mutations: samples far brighter than their "
-          "region are spread over chains of similar paths. All but merging have the same mean. "
-          "auto: what pays most, +sharing and +views included, which small images measure first "
-          "(default: those of the scene's integrator; for paths "
+          "region are spread over chains of similar paths. +chains: paths from the camera are "
+          "connected to small lamps through smooth glass and mirrors. All but merging have the "
+          "same mean. auto: what pays most, +sharing and +views included, which small images "
+          "measure first (default: those of the scene's integrator; for paths "
           "from the camera, in render, submit and quote, auto where the first of these images are "
           "a "
           "hundredth of the frame)")

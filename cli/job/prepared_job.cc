@@ -286,6 +286,9 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments, bool keeps
         "--measure knows paths of one pixel; remove --stereo, and +sharing or "
         "+mutations of --techniques");
   }
+  if (arguments.keep_camera_paths && asked && HasChains(*asked)) {
+    return absl::InvalidArgumentError("--measure knows no chains; remove +chains of --techniques");
+  }
   const absl::StatusOr<std::vector<int32_t>> numbers = FrameNumbers(arguments);
   if (!numbers.ok()) return numbers.status();
   const absl::StatusOr<FramePath> scene = ScenePath(arguments);

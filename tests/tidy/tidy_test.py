@@ -39,8 +39,8 @@ ROOMS = {
     "coordinator/store": "database < .",
     "worker/render": "traits < color < sampling < densities < geometry "
                      "< accel | camera | bsdf | light < gather | guiding "
-                     "< medium < material < plan < scene < integrator < eyes | mutations < . "
-                     "< ablation",
+                     "< medium < material < plan < scene < integrator "
+                     "< chains | eyes | mutations < . < ablation",
 }
 
 # A module may include the listed modules and itself, and no other of ours. common/* is below all.

@@ -13,11 +13,13 @@
 #include "common/base/cpu_clock.h"
 #include "common/scene/settings/path_shares.h"
 #include "common/volume/volume_pages.h"
+#include "worker/render/chains/chain_variants.h"
 #include "worker/render/eyes/eye_passes.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/integrator/variants.h"
 #include "worker/render/majorant_retries.h"
 #include "worker/render/mutations/mutation_passes.h"
+#include "worker/render/scene/chain_table.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
@@ -47,6 +49,11 @@ void RenderChosen(const PixelLattice& lattice, const PixelRect& tile, int32_t y,
 
 RenderRowFunction RowFunctionFor(const CompiledScene& scene) {
   const bool generic = scene.settings.force_generic_variant;
+  if (scene.chains != nullptr) {
+    const size_t variant = ChooseChainVariant(scene.plan.traits, generic);
+    scene.chains->EnsureSeeds([&] { return ChainSeedFunctionOf(variant)(scene); });
+    return ChainRowFunctionOf(variant);
+  }
   if (scene.emission == nullptr) return RowFunctionOf(ChooseVariant(scene.plan.traits, generic));
   return RowBesideLightOf(ChooseLightPathVariant(scene.plan.traits, generic));
 }
@@ -94,6 +101,13 @@ void RenderStats::TakeCounts(const CompiledScene& scene, const RayCounts& counts
   long_walks = counts.long_walks;
   long_segments = counts.long_segments;
   grazing_merges = counts.grazing_merges;
+  chains = counts.chains;
+  chain_trials = counts.chain_trials;
+  capped_chains = counts.capped_chains;
+  if (counts.capped_shape < scene.description.shapes.size()) {
+    capped_at =
+        FormatLocation(scene.description, scene.description.shapes[counts.capped_shape].location);
+  }
 }
 
 absl::StatusOr<FilmTile> RenderTilePass(const CompiledScene& scene, PixelRect tile,

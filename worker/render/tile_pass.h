@@ -21,11 +21,14 @@ struct RenderStats {
   uint64_t samples = 0;
   uint64_t rays = 0;  // All rays traced: camera, scattered and shadow.
   uint64_t shadow_rays = 0;
-  uint64_t broken_nestings = 0;   // As in RayCounts.
-  std::string broken_at;          // Location of such a shape in the scene file; empty: unknown.
-  uint64_t long_walks = 0;        // Paths that ended at the limit: RayCounts.
-  uint64_t long_segments = 0;     // Likewise.
-  uint64_t grazing_merges = 0;    // Merges that were dropped: RayCounts.
+  uint64_t broken_nestings = 0;  // As in RayCounts.
+  std::string broken_at;         // Location of such a shape in the scene file; empty: unknown.
+  uint64_t long_walks = 0;       // Paths that ended at the limit: RayCounts.
+  uint64_t long_segments = 0;    // Likewise.
+  uint64_t grazing_merges = 0;   // Merges that were dropped: RayCounts.
+  // As in RayCounts; capped_at: location of the first lamp whose light was dropped.
+  uint64_t chains = 0, chain_trials = 0, capped_chains = 0;
+  std::string capped_at;
   uint64_t broken_majorants = 0;  // Remaining biased lookups: RayCounts.
   uint32_t raised_majorants = 0;  // Times the block was rendered again because of them.
   // Pages of volumes that this pass read, their bytes in files, and waits for other threads.

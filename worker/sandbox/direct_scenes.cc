@@ -54,6 +54,10 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   stats->long_walks += more.long_walks;
   stats->long_segments += more.long_segments;
   stats->grazing_merges += more.grazing_merges;
+  stats->chains += more.chains;
+  stats->chain_trials += more.chain_trials;
+  stats->capped_chains += more.capped_chains;
+  if (stats->capped_at.empty()) stats->capped_at = more.capped_at;
   stats->broken_majorants += more.broken_majorants;
   stats->raised_majorants += more.raised_majorants;
   stats->volume_pages += more.volume_pages;
@@ -103,6 +107,12 @@ void LogStats(const std::string& frame_name, TaskKind kind, const render::Render
   if (stats.grazing_merges > 0) {
     LogWarning(absl::StrCat(frame_name, ": ", stats.grazing_merges,
                             " merges of light paths that graze a surface were dropped"));
+  }
+  if (stats.capped_chains > 0) {
+    LogWarning(absl::StrCat(frame_name, ": ", stats.capped_at, ": ", stats.capped_chains, " of ",
+                            stats.chains, " chains from this lamp were dropped, because they are ",
+                            "found too rarely: the image is darker than it should be; remove "
+                            "chains from the techniques"));
   }
   if (stats.long_walks > 0) {
     LogWarning(absl::StrCat(frame_name, ": ", stats.long_walks,

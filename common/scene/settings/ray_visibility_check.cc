@@ -21,7 +21,8 @@ const SourceLocation* FirstInvisible(const SceneDescription& scene) {
 TechniqueSet KnowingRayKinds(TechniqueSet techniques) {
   return techniques.Without(Technique::kLightPaths)
       .Without(Technique::kSharing)
-      .Without(Technique::kMutations);
+      .Without(Technique::kMutations)
+      .Without(Technique::kChains);
 }
 
 absl::Status CheckRayVisibility(const SceneDescription& scene, const FrameSettings& settings) {

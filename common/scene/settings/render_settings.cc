@@ -14,6 +14,7 @@
 #include "absl/strings/str_format.h"
 #include "common/base/digest.h"
 #include "common/film/denoised_output.h"
+#include "common/scene/settings/chain_settings.h"
 #include "common/scene/settings/frame_settings_fields.h"
 #include "common/scene/settings/path_shares.h"
 #include "common/scene/settings/ray_visibility_check.h"
@@ -254,6 +255,7 @@ absl::StatusOr<FrameSettings> ResolveSettings(const SceneDescription& scene,
   }
   if (absl::Status status = CheckSharing(resolved); !status.ok()) return status;
   if (absl::Status status = CheckRayVisibility(scene, resolved); !status.ok()) return status;
+  if (absl::Status status = CheckChains(resolved); !status.ok()) return status;
   return resolved;
 }
 

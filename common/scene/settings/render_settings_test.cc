@@ -61,13 +61,15 @@ TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
       RenderSettings asked;
       asked.techniques = *TechniqueSet::Parse(name);
       const absl::StatusOr<FrameSettings> settings = ResolveSettings(scene, asked);
-      // Only paths from the camera alone are shared or mutated.
+      // Only paths from the camera alone are shared or mutated, or have chains.
       const TechniqueSet others = asked.techniques->Without(Technique::kSharing);
       const bool shares_others =
           SharesPaths(*asked.techniques) && !(others == TechniqueSet::kCamera);
       const bool mutates_others = MutatesPaths(*asked.techniques) &&
                                   !(*asked.techniques == TechniqueSet{Technique::kMutations});
-      if (shares_others || mutates_others) {
+      const bool chains_others =
+          HasChains(*asked.techniques) && !(*asked.techniques == TechniqueSet{Technique::kChains});
+      if (shares_others || mutates_others || chains_others) {
         EXPECT_EQ(settings.status().code(), absl::StatusCode::kInvalidArgument) << name;
         continue;
       }

@@ -36,6 +36,7 @@ constexpr TechniqueRow kTechniques[] = {
     {Technique::kLearnedLights, "learned-lights", {}, true},
     {Technique::kProduct, "product", {}, true},
     {Technique::kMutations, "mutations", {}, true},
+    {Technique::kChains, "chains", {}, true},
 };
 
 // The first thing that a technique of the set needs and lacks; both are words of names.

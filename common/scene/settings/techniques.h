@@ -52,6 +52,10 @@ enum class Technique : uint8_t {
   // Camera samples far brighter than their region start chains of mutations, which spread them over
   // similar paths. Frames have it beside no other technique (path_shares.h).
   kMutations = 10,
+  // Vertices of camera paths are connected to small lamps through one to four smooth interfaces, by
+  // walks to the chains of mirror directions and refractions between them. Frames have it beside no
+  // other technique (CheckChains).
+  kChains = 11,
 };
 
 // The techniques of a frame: paths from the camera and what is added to them.
@@ -171,6 +175,8 @@ constexpr bool LearnsLights(TechniqueSet techniques) {
 constexpr bool ChoosesByProduct(TechniqueSet techniques) {
   return techniques.Has(Technique::kProduct) && !HasLightPaths(techniques);
 }
+// Whether camera paths are connected to lamps through smooth interfaces.
+constexpr bool HasChains(TechniqueSet techniques) { return techniques.Has(Technique::kChains); }
 // Whether fields are learned before the first sample.
 constexpr bool NeedsTraining(TechniqueSet techniques) {
   return IsGuided(techniques) || GuidesEmission(techniques) || LearnsLights(techniques);

@@ -97,6 +97,7 @@ TEST(TechniqueSetTest, NamesTellWhatASetHas) {
     EXPECT_EQ(SharesPaths(set), name.find("sharing") != std::string::npos) << name;
     EXPECT_EQ(SharesViews(set), name.find("views") != std::string::npos) << name;
     EXPECT_EQ(MutatesPaths(set), name.find("mutations") != std::string::npos) << name;
+    EXPECT_EQ(HasChains(set), name.find("chains") != std::string::npos) << name;
     EXPECT_EQ(NeedsTraining(set), name.find("guiding") != std::string::npos || LearnsLights(set))
         << name;
     EXPECT_NE(set.Has(Technique::kLightPathsAlone), name.starts_with("camera")) << name;

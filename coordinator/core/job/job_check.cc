@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "common/film/light/light_part_size.h"
+#include "common/scene/settings/chain_settings.h"
 #include "common/scene/settings/path_shares.h"
 #include "common/scene/settings/sample_bound.h"
 #include "common/scene/settings/stereo.h"
@@ -92,6 +93,7 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
   }
   if (HasOneTile(s)) {
     if (absl::Status status = CheckSharing(s); !status.ok()) return std::string(status.message());
+    if (absl::Status status = CheckChains(s); !status.ok()) return std::string(status.message());
     if (LightPassesMax(s, limits) == 0) {
       return absl::StrCat(w.PixelCount(), " pixels", s.IsStereo() ? " of both eyes" : "",
                           ": a pass of them can take ", PassBytes(s, 1) >> 20,

@@ -102,4 +102,19 @@ bool CountVertex(const Context<C>& c, bool in_subsurface, PathState<C>* path) {
   return path->depth++ != static_cast<uint32_t>(c.scene.settings.max_depth);
 }
 
+// --- Frames with chains. worker/render/chains defines these functions, and the variants of such
+// --- frames alone include it.
+
+// Adds the light of a lamp that reaches the vertex through smooth interfaces, and that the vertex
+// scatters back along the path. Vertex: SurfaceVertex.
+template <typename C, typename Vertex>
+void SampleChain(const Context<C>& c, const Vertex& vertex, PathState<C>* path);
+// Whether SampleChain finds the emission that the path's ray hits. A function of the path alone.
+template <typename C>
+bool IsFoundByChain(const Context<C>& c, uint32_t emitter, const PathState<C>& path);
+// The vertex scatters the path. flags: of the BSDF's sample.
+template <typename C, typename Vertex>
+void NoteChainScattering(const Context<C>& c, const Vertex& vertex, uint8_t flags,
+                         PathState<C>* path);
+
 }  // namespace sheaf::render

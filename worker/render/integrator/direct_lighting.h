@@ -9,6 +9,7 @@
 #include <array>
 #include <optional>
 
+#include "worker/render/integrator/context.h"
 #include "worker/render/integrator/equiangular_sampling.h"
 #include "worker/render/integrator/light_draw.h"
 #include "worker/render/integrator/light_splits.h"
@@ -132,6 +133,9 @@ template <typename C>
 void AddEmittedLe(const Context<C>& c, const SurfacePoint& point, PathState<C>* path) {
   if constexpr (C::Has(Trait::kAreaLights)) {
     if (!SeesLight(point.surface->invisible, *path)) return;
+    if constexpr (C::kChains) {
+      if (IsFoundByChain(c, point.emitter, *path)) return;
+    }
     const typename C::Color radiance = c.scene.lights->template EmitterRadianceAt<C::kTraits>(
         point.emitter, point.EmitterNormal(), -path->ray.d, point.uv, path->wavelengths);
     if (radiance.IsBlack()) return;

@@ -37,8 +37,12 @@ struct IntegratorConfig {
   using Sampler = std::conditional_t<kMutated, MutatedSampler, render::Sampler>;
   // Frames whose paths are of these kinds have no learned fields.
   static constexpr bool kUsesFields = !kEyes && !kMutated;
+  // Vertices are connected to lamps through smooth interfaces: chains.h.
+  static constexpr bool kChains = kPathKind == PathKind::kCameraWithChains;
   // Vertices are seen from other directions than the path's: SurfaceVertex::SeenFrom.
   static constexpr bool kSeenFromElsewhere = kBothEnds || kEyes;
+  // Vertices know the normal that their surface gives, whatever the path that arrives.
+  static constexpr bool kKeepsNormal = kSeenFromElsewhere || kChains;
   using Color = ColorOf<kTraits>;
   using Wavelengths = WavelengthsOf<Color>;
   // For queries that need no color, or the color as RGB.

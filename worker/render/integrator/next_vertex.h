@@ -198,6 +198,12 @@ bool CrossNullInterface(const Context<C>& c, const SurfacePoint& point, PathStat
     ++c.counts.long_segments;
     return false;
   }
+  if constexpr (C::kChains) {
+    // Chains pass only through surfaces that never scatter there.
+    const Surface& surface = *point.surface;
+    const bool is_hidden = C::kNested && surface.rank != kNoRank;
+    if (surface.has_alpha || (surface.may_pass && !is_hidden)) path->chain = {};
+  }
   if constexpr (C::kMedia) {
     if (!CrossBoundary(c, point, path->ray.d, *path, &path->media)) return false;
   }

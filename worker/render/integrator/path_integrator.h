@@ -37,6 +37,8 @@ bool ScatterAt(const Context<C>& c, Vertex& vertex, PathState<C>* path, FilmSamp
   if (vertex.SamplesLights(*path)) {
     // Sample a light, and add what of it the vertex scatters back along the path.
     SampleLd(c, vertex, path);
+    // The same through smooth interfaces.
+    if constexpr (C::kChains && Vertex::kIsSurface) SampleChain(c, vertex, path);
     // Sample the emission of heterogeneous media likewise.
     if constexpr (C::kSamplesEmission) SampleVolumeEmission(c, vertex, path);
   }

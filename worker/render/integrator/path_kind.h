@@ -14,6 +14,7 @@ enum class PathKind : uint8_t {
   kLight,              // At a light.
   kEye,                // At one of two eyes, which share their paths: worker/render/eyes.
   kMutated,            // At the camera, by numbers that a chain moves: worker/render/mutations.
+  kCameraWithChains,   // At the camera; chains find part of the light: chains.h.
 };
 
 }  // namespace sheaf::render

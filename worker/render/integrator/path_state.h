@@ -127,6 +127,13 @@ struct KnownLightsState {
   LightVisibilityRow lights;  // The row of the region of `from`.
 };
 
+// The part of a path that tells which light chains find: IsFoundByChain.
+struct ChainState {
+  // Every vertex since the last rough one, which is on a surface, is an interface of a chain.
+  bool is_open = false;
+  uint8_t interfaces = 0;  // Their number.
+};
+
 // The state of paths in guided frames.
 template <typename Color>
 struct GuidedState {
@@ -179,6 +186,7 @@ struct PathState {
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   [[no_unique_address]] StateIf<C::kProduct, LobeSketch> sketch;  // The vertex's at `from`.
   [[no_unique_address]] StateIf<C::kRayKinds, RayState> rays;
+  [[no_unique_address]] StateIf<C::kChains, ChainState> chain;
   Vec3f camera_o;               // The origin of the camera ray.
   bool is_camera_path = true;   // No vertex so far.
   uint32_t null_crossings = 0;  // Surfaces passed since the last vertex.

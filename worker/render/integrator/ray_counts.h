@@ -29,6 +29,10 @@ struct RayCounts {
   uint64_t long_walks = 0;      // Paths that ended at kSubsurfaceStepsMax.
   uint64_t long_segments = 0;   // Paths and shadow rays that ended at kNullCrossingsMax.
   uint64_t grazing_merges = 0;  // Merges that were dropped: kGrazingCosineMin.
+  // Chains of smooth interfaces that were found, and the trials that estimated with which
+  // probability; and those that were dropped at kChainTrialsMax, which darkens the image.
+  uint64_t chains = 0, chain_trials = 0, capped_chains = 0;
+  uint32_t capped_shape = ~0u;  // The first shape whose light was dropped; ~0u if none.
 
   // Adds the counts of further rays, traced with the same settings.
   void Add(const RayCounts& others) {
@@ -40,6 +44,10 @@ struct RayCounts {
     long_walks += others.long_walks;
     long_segments += others.long_segments;
     grazing_merges += others.grazing_merges;
+    chains += others.chains;
+    chain_trials += others.chain_trials;
+    capped_chains += others.capped_chains;
+    capped_shape = std::min(capped_shape, others.capped_shape);
   }
 };
 

@@ -13,6 +13,7 @@
 #include "worker/render/bsdf/perturbed_normal.h"
 #include "worker/render/gather/gather_point.h"
 #include "worker/render/geometry/surface_point.h"
+#include "worker/render/integrator/context.h"
 #include "worker/render/integrator/first_hit.h"
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/light_draw.h"
@@ -39,7 +40,7 @@ struct SurfaceVertex {
       : draw(C::kFromLight ? LightDraw{} : DrawLight(c, NextVertexIndex(path))),
         point(MakeSurfacePoint<C::kTraits>(c.scene.geometry, path.ray, hit, &plane)) {
     if constexpr (C::kPerturbedNormals) index = NextVertexIndex(path);
-    if constexpr (C::kSeenFromElsewhere) interpolated_shading = point.shading;
+    if constexpr (C::kKeepsNormal) interpolated_shading = point.shading;
   }
 
   // The vertex at p of a camera path that was stored, for Eval and the normals. Requires:
@@ -75,8 +76,7 @@ struct SurfaceVertex {
   BsdfOf<Color> bsdf;
   [[no_unique_address]] OptionalNormal perturbed_normal;
   [[no_unique_address]] StateIf<C::kPerturbedNormals, uint32_t> index;  // For sample dimensions.
-  [[no_unique_address]] StateIf<C::kSeenFromElsewhere, Frame>
-      interpolated_shading;                            // Before Prepare.
+  [[no_unique_address]] StateIf<C::kKeepsNormal, Frame> interpolated_shading;  // Before Prepare.
   [[no_unique_address]] GuidedDirectionsOf<C> guided;  // Known to camera paths.
   [[no_unique_address]] StateIf<C::kSplitsLights, LightSplitState> splits;
   [[no_unique_address]] StateIf<C::kProduct, LobeSketch> sketch;
@@ -373,6 +373,7 @@ bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->throughput *= sample->weight;
   if (path->throughput.IsBlack()) return false;
   NoteScattering(c, *this, wi, sample->pdf, sample->flags, sample->eta_scale, path);
+  if constexpr (C::kChains) NoteChainScattering(c, *this, sample->flags, path);
   path->roulette_scale = roulette_scale;
   return Continue(c, wi, *sample, u[3], path);
 }

@@ -22,6 +22,7 @@
 #include "worker/render/plan/film_notes.h"
 #include "worker/render/plan/material_traits.h"
 #include "worker/render/plan/specular_surfaces.h"
+#include "worker/render/plan/technique_plan.h"
 #include "worker/render/plan/trait_names.h"
 #include "worker/render/plan/vertex_normals.h"
 #include "worker/render/traits/variant_choice.h"
@@ -326,6 +327,7 @@ class PlanMaker {
                 "a radius that shrinks; merge.bias estimates the bias, and errors include it"
               : "merging: no surface of the scene is specular, so that no light path is merged");
     }
+    if (HasChains(techniques)) PlanChains(scene_, plan);
     if (GuidesEmission(techniques)) {
       plan->notes.emplace_back(
           "emission guiding: light paths begin where light reaches the picture, by a training");
@@ -381,14 +383,7 @@ class PlanMaker {
       if (causes_[i].count > 1) absl::StrAppend(&cause, " (and ", causes_[i].count - 1, " more)");
       plan.effects.push_back({t.trait, t.name, cause, t.time_ratio});
     }
-    const bool generic = settings.force_generic_variant;
-    const Variant variant =
-        MutatesPaths(settings.techniques)
-            ? AllMutationVariants()[ChooseMutationVariant(plan.traits, generic)]
-        : HasOneTile(settings) ? AllEyeVariants()[ChooseEyeVariant(plan.traits, generic)]
-        : HasLightPaths(settings.techniques)
-            ? AllLightPathVariants()[ChooseLightPathVariant(plan.traits, generic)]
-            : AllVariants()[ChooseVariant(plan.traits, generic)];
+    const Variant variant = VariantFor(plan.traits, settings);
     plan.variant_traits = variant.traits;
     plan.variant_name = variant.name;
     return plan;

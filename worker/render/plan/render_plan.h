@@ -11,6 +11,7 @@
 
 #include "common/scene/scene_description.h"
 #include "common/scene/settings/render_settings.h"
+#include "worker/render/plan/chain_shapes.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
@@ -34,6 +35,9 @@ struct RenderPlan {
   size_t light_count = 0;              // Emissive triangles, spheres, disks and other lights.
   std::vector<PlannedEffect> effects;  // In the order of Trait.
   std::vector<std::string> unused;     // Names of the effects that the scene does not use.
+  // Shapes that chains lead through, and lamps that they lead to: chain_shapes.h. Empty in frames
+  // without chains.
+  ChainShapes chain_shapes;
   // Other facts that matter for the image: one line each.
   std::vector<std::string> notes;
 };

@@ -56,4 +56,9 @@ constexpr uint32_t LightPartSlot(uint32_t vertex, uint32_t part) {
 // For the number of paths that leave a vertex. Vertices 2^28 apart share slots.
 constexpr uint32_t SplitSlot(uint32_t vertex) { return (10u << 28) + (vertex & 0xfffffffu); }
 
+// For the chain from a vertex to a lamp: u, v on the lamp; which lamp; which caster. And the key of
+// its further numbers. Vertices 2^27 apart share slots.
+constexpr uint32_t ChainSlot(uint32_t vertex) { return (11u << 28) + (vertex & 0x7ffffffu); }
+constexpr uint32_t ChainKeySlot(uint32_t vertex) { return ChainSlot(vertex) + (1u << 27); }
+
 }  // namespace sheaf::render

@@ -16,6 +16,7 @@
 #include "common/scene/settings/ray_visibility_check.h"
 #include "worker/render/gather/merging.h"
 #include "worker/render/plan/specular_surfaces.h"
+#include "worker/render/scene/chain_table.h"
 #include "worker/render/scene/scene_baker.h"
 #include "worker/render/scene/twin_emitters.h"
 
@@ -154,6 +155,10 @@ absl::Status BuildRayVisibility(CompiledScene* scene) {
 absl::Status BuildTechniques(CompiledScene* scene) {
   const PhaseTimer timer(LoadPhase::kLights);
   const FrameSettings& settings = scene->settings;
+  if (HasChains(settings.techniques)) {
+    scene->chains = std::make_shared<const ChainTable>(scene->plan.chain_shapes, scene->geometry,
+                                                       *scene->lights);
+  }
   if (NeedsTraining(settings.techniques)) scene->guiding = std::make_unique<GuidingSlot>();
   if (!HasLightPaths(settings.techniques)) return absl::OkStatus();
   if (settings.similarity_after > 0) {

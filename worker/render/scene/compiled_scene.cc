@@ -82,6 +82,7 @@ absl::Status SetTechniques(TechniqueSet techniques, CompiledScene* scene) {
   scene->settings.techniques = techniques;
   scene->plan.traits = (scene->plan.traits & ~kTechniqueTraits) | TechniqueTraits(scene->settings);
   scene->guiding.reset();
+  scene->chains.reset();
   scene->emission.reset();
   scene->emission_points.reset();
   scene->light_paths_per_pass = 0;

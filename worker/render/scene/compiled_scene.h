@@ -39,6 +39,8 @@ struct EyePair {
   const Camera& of(Eye eye) const { return cameras[static_cast<size_t>(eye)]; }
 };
 
+class ChainTable;
+
 class CompiledScene {
  public:
   SceneDescription description;  // Without its mesh buffers.
@@ -68,6 +70,8 @@ class CompiledScene {
   RayVisibility visibility;           // Empty unless the plan has kRayVisibility.
   // Where light paths begin in media; null where `emission` is, or no medium emits.
   std::unique_ptr<EmissionPoints> emission_points;
+  // Casters and lamps of chains; null where the settings have no chains.
+  std::shared_ptr<const ChainTable> chains;
   // A pass merges light paths with the camera paths of one in this many pixels; 0: of none.
   uint32_t gather_step = 0;
 };

@@ -22,6 +22,7 @@ struct Entry {
 #define SHEAF_VARIANT_ENTRY(name, traits) {name, traits},
 constexpr Entry kEntries[] = {SHEAF_RENDER_VARIANTS(SHEAF_VARIANT_ENTRY)};
 constexpr Entry kLightPathEntries[] = {SHEAF_LIGHT_PATH_VARIANTS(SHEAF_VARIANT_ENTRY)};
+constexpr Entry kChainEntries[] = {SHEAF_CHAIN_VARIANTS(SHEAF_VARIANT_ENTRY)};
 constexpr Entry kEyeEntries[] = {SHEAF_EYE_VARIANTS(SHEAF_VARIANT_ENTRY)};
 constexpr Entry kMutationEntries[] = {SHEAF_MUTATION_VARIANTS(SHEAF_VARIANT_ENTRY)};
 #undef SHEAF_VARIANT_ENTRY
@@ -63,6 +64,11 @@ size_t ChooseVariant(TraitBits traits, bool force_generic) {
 std::vector<Variant> AllLightPathVariants() { return VariantsOf(kLightPathEntries); }
 size_t ChooseLightPathVariant(TraitBits traits, bool force_generic) {
   return ChooseAmong(kLightPathEntries, traits, force_generic);
+}
+
+std::vector<Variant> AllChainVariants() { return VariantsOf(kChainEntries); }
+size_t ChooseChainVariant(TraitBits traits, bool force_generic) {
+  return ChooseAmong(kChainEntries, traits, force_generic);
 }
 
 std::vector<Variant> AllEyeVariants() { return VariantsOf(kEyeEntries); }

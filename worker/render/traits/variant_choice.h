@@ -28,6 +28,10 @@ size_t ChooseVariant(TraitBits traits, bool force_generic);
 std::vector<Variant> AllLightPathVariants();
 size_t ChooseLightPathVariant(TraitBits traits, bool force_generic);
 
+// The same for the variants of frames with chains.
+std::vector<Variant> AllChainVariants();
+size_t ChooseChainVariant(TraitBits traits, bool force_generic);
+
 // The same for the variants of stereo frames.
 std::vector<Variant> AllEyeVariants();
 size_t ChooseEyeVariant(TraitBits traits, bool force_generic);

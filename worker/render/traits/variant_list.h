@@ -150,6 +150,7 @@ inline constexpr TraitBits kCloudTraits =
 // SHEAF_VARIANTS=generic. Compilers take long for each variant, those of sanitizers minutes.
 #define SHEAF_RENDER_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
 #define SHEAF_LIGHT_PATH_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
+#define SHEAF_CHAIN_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
 #define SHEAF_MUTATION_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
 #define SHEAF_EYE_VARIANTS(X) SHEAF_GENERIC_VARIANTS(X)
 #else
@@ -189,6 +190,12 @@ inline constexpr TraitBits kCloudTraits =
 
 // The variants of frames whose bright samples start chains of mutations. Few: such frames are rare.
 #define SHEAF_MUTATION_VARIANTS(X)                                       \
+  X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
+  SHEAF_GENERIC_VARIANTS(X)
+
+// The variants of frames with chains. Few, for the same reason.
+#define SHEAF_CHAIN_VARIANTS(X)                                          \
+  X("glossy", ::sheaf::render::kGlossyTraits)                            \
   X("common", ::sheaf::render::CommonTraits(false, false, false, false)) \
   SHEAF_GENERIC_VARIANTS(X)
 
