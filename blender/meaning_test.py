@@ -24,8 +24,8 @@ import settings_document
 from sheaf_blender import passes
 from sheaf_blender.export import placed_nodes, texture_nodes
 from sheaf_blender.scene import (closures, containment, frame_size, image_pixels, materials,
-                                 pixel_ops, report, settings_table, settings_without_effect,
-                                 sphere_map, text, units, values)
+                                 pixel_ops, ray_visibility, report, settings_table,
+                                 settings_without_effect, sphere_map, text, units, values)
 from sheaf_blender.scene.closures import BLACK, EMPTY, NOTHING, Closure
 
 RED, WHITE = materials.diffuse((0.8, 0.1, 0.1)), materials.diffuse((0.8, 0.8, 0.8))
@@ -295,11 +295,55 @@ class SettingsTest(unittest.TestCase):
 
     def test_settings_with_an_effect_are_reported(self):
         lines = report.Report()
-        world = types.SimpleNamespace(diffuse=False, glossy=True, transmission=True, scatter=True)
-        settings_table.note("CyclesVisibilitySettings", world, 'world "W"', lines)
+        settings_table.note("CyclesWorldSettings", types.SimpleNamespace(max_bounces=3),
+                            'world "W"', lines)
         settings_table.note("ViewLayer", types.SimpleNamespace(
             aovs=["key"], lightgroups=["key"], pass_alpha_threshold=0.50000001), "layer", lines)
         self.assertEqual([entry.item for entry in lines.entries], ['world "W"', "layer"])
+
+
+class RayVisibilityTest(unittest.TestCase):
+    def test_words_of_the_scene_file(self):
+        parameter = ray_visibility.parameter
+        self.assertEqual(parameter(()), {})
+        self.assertEqual(parameter(("shadow", "camera")),
+                         {"string invisible": ("camera", "shadow")})
+        self.assertEqual(parameter(("volume scatter",)), {})
+        self.assertEqual(parameter(("volume scatter", "diffuse")),
+                         {"string invisible": ("diffuse", "volume")})
+        self.assertEqual(parameter(("volume scatter", "shadow"), is_lamp=True),
+                         {"string invisible": ("volume",)})
+        self.assertEqual(len(parameter(ray_visibility.RAYS)["string invisible"]), 6)
+
+    def test_shadows_of_their_own(self):
+        for hidden, splits in (((), False), (("camera",), False), (("shadow",), True),
+                               (("diffuse",), True), (("volume scatter",), False),
+                               ((*ray_visibility.SCATTERED, "shadow"), False)):
+            self.assertEqual(ray_visibility.splits_shadow(hidden), splits, hidden)
+
+    def test_worlds(self):
+        world = types.SimpleNamespace(camera=False, diffuse=True, glossy=False, transmission=True,
+                                      scatter=False)
+        self.assertEqual(ray_visibility.hidden_from_world(world), {"glossy", "volume scatter"})
+        self.assertEqual(ray_visibility.hidden_from_world(None), set())
+
+    def test_techniques_that_know_kinds(self):
+        known = ray_visibility.known_techniques
+        self.assertEqual(known(["--samples", "4"]), ["--samples", "4"])
+        for given, left in (("auto", "auto"), ("camera+light+guiding+merging", "camera+guiding"),
+                            ("light", "camera"), ("camera+sharing+views", "camera")):
+            self.assertEqual(known(["--techniques", given]), ["--techniques", left])
+
+    def test_text_knows_whether_something_is_hidden(self):
+        written = text.SceneText(io.StringIO())
+        written.directive("Shape", "sphere", {"float radius": 1.0})
+        self.assertFalse(written.has_ray_kinds)
+        written.directive("Shape", "sphere", ray_visibility.parameter(("glossy",)))
+        self.assertTrue(written.has_ray_kinds)
+        with written.lights_with({"string a": "1"}), written.lights_with({"string b": "2"}):
+            written.directive("LightSource", "point")
+        self.assertTrue(written._file.getvalue().endswith(
+            'LightSource "point" "string a" "1" "string b" "2"\n'))
 
 
 class FailureTest(unittest.TestCase):

@@ -16,6 +16,7 @@ from .export.scene_export import Settings, export_scene
 from .farm import images, program
 from .farm.program import SheafError
 from .scene import frame_size
+from .scene.ray_visibility import known_techniques
 from .scene.report import Report, cause
 
 # Reports of each scene's last export, by the scene's name; the panel shows them.
@@ -120,6 +121,10 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         if ExportOnly.present is not None:
             _note_one_image(depsgraph.scene, depsgraph.view_layer_eval, "" if both_eyes else view,
                             exported.report)
+        options = job_options(scene, depsgraph.view_layer_eval)
+        if exported.has_ray_kinds and known_techniques(options) != options:
+            exported.report.approximated("scene", "Techniques: paths begin at the camera alone, as "
+                                                  "some rays do not see all of the scene")
         self._remember(scene, exported.report)
         for line in exported.report.lines():
             print("Sheaf:", line)
@@ -312,8 +317,11 @@ def start_job(scene, view_layer, exported, output):
     own, chosen = scene.sheaf, preferences()
     sheaf = program.find_program(bpy.path.abspath(chosen.program_folder))
     title = f"{bpy.path.basename(bpy.data.filepath) or 'untitled.blend'} {scene.frame_current}"
+    options = job_options(scene, view_layer)
+    if exported.has_ray_kinds:
+        options = known_techniques(options)
     arguments = (sheaf, exported.path, output, [
-        *job_options(scene, view_layer),
+        *options,
         *passes.options(scene, view_layer, exported.groups.has_negative,
                         bool(exported.holdouts))], title)
     if own.where == "FARM":

@@ -12,6 +12,7 @@ from . import engine, jobs, passes
 from .export.eyes import stereo_options
 from .farm import program
 from .farm.program import SheafError
+from .scene.ray_visibility import known_techniques
 
 
 def _farm(context):
@@ -64,6 +65,10 @@ class SubmitFrames(_SheafOperator):
                    *passes.options(scene, context.view_layer)]
         eyes = stereo_options(scene, options)
         exported = export_frames(scene, pattern, frames, bool(eyes))
+        if any(frame.has_ray_kinds for frame in exported):
+            options = known_techniques(options)
+            if eyes:  # They share paths, too.
+                eyes, exported = [], export_frames(scene, pattern, frames)
         if len(exported) != len(frames):
             raise SheafError("a frame could not be exported; the messages above say why")
         step = f"x{scene.frame_step}" if scene.frame_step > 1 else ""

@@ -6,12 +6,15 @@ import dataclasses
 import bpy
 import numpy
 
-from ..scene import mesh_arrays, ply
-from . import curves, lights, meshes, shaders, smoke
+from ..scene import mesh_arrays, ply, ray_visibility
+from ..scene.ray_visibility import RAYS
+from . import curves, meshes, shaders, smoke
 from .light_groups import group_of
 
 MESH_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 FLAT_TRIANGLES_MAX = 2  # A quad has two.
+SHADOW_NOTE = ("Ray Visibility: lights and sky behind it are seen as Shadow says, also where "
+               "Cycles samples them along other rays")
 UNRENDERED_TYPES = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
 
 
@@ -38,6 +41,7 @@ class Geometry:
     may_deform: bool = False
     may_move: bool = True
     smoke: object = None         # A smoke.Smoke inside the mesh.
+    hidden_from: tuple = ()      # The kinds of rays that do not see it.
     # Center and half size of the box of Generated coordinates, in the object's space.
     texture_space: tuple = ((0.0,) * 3, (1.0,) * 3)
 
@@ -61,6 +65,7 @@ class LightPlace:
     key: tuple
     group: str = ""       # Blender's light group.
     is_seen: bool = True  # Whether it lies where the camera looks, if its size is more than 0.
+    is_around: bool = False  # Whether it holds the camera.
 
 
 class Collector:
@@ -77,7 +82,6 @@ class Collector:
         self._seen = {}
         self._shadings = {}
         self._taken = set()
-        self._parents = set()
         self.holdouts = set()  # Names of objects through which the camera sees nothing.
         self._hair_done = set()
 
@@ -92,28 +96,34 @@ class Collector:
             if instance.show_self:
                 self.lights.append(LightPlace(
                     instance_object.name, instance_object.data, affine(instance.matrix_world),
-                    hidden_rays(instance_object, instance), motion_key(instance, instance_object),
+                    self._hidden_rays(instance, instance_object),
+                    motion_key(instance, instance_object),
                     group_of(instance, instance_object)))
             return
         is_drawn = self._layer.use_volumes if kind == "VOLUME" else self._layer.use_solid
-        if (instance.show_self and kind not in UNRENDERED_TYPES and is_drawn
-                and not self._is_invisible(instance, instance_object)):
-            self._add(instance, instance_object, kind)
+        hidden = tuple(self._hidden_rays(instance, instance_object))
+        if len(hidden) == len(RAYS):
+            return
+        if instance.show_self and kind not in UNRENDERED_TYPES and is_drawn:
+            self._add(instance, instance_object, kind, hidden)
         if (instance.show_particles and instance_object.particle_systems
                 and self._layer.use_strand):
-            self._add_hair(instance, instance_object)
+            self._add_hair(instance, instance_object, hidden)
 
-    def _add(self, instance, instance_object, kind):
+    def _add(self, instance, instance_object, kind, hidden):
         # Objects of instances come and go at the same addresses, each with its data.
         data = instance_object.data
-        seen = (instance_object.as_pointer(), data.as_pointer() if data else 0)
+        seen = (instance_object.as_pointer(), data.as_pointer() if data else 0, hidden)
         geometry = self._seen.get(seen)
         if geometry is None:
             key = (_geometry_key(instance_object, kind, seen),
-                   self._motion_settings(instance_object, kind))
+                   self._motion_settings(instance_object, kind), hidden)
             geometry = self.geometries.get(key)
             if geometry is None:
                 geometry = self.geometries[key] = self._read(instance_object, kind)
+                geometry.hidden_from = hidden
+                if ray_visibility.splits_shadow(hidden):
+                    self._report.approximated(f'object "{instance_object.name}"', SHADOW_NOTE)
             self._seen[seen] = geometry
         geometry.matrices.append(affine(instance.matrix_world))
         geometry.object_names.append(instance_object.name)
@@ -128,7 +138,9 @@ class Collector:
 
     def _read(self, instance_object, kind):
         name = self._free_name(instance_object.name)
-        self._note_visibility(instance_object)
+        if getattr(instance_object, "is_shadow_catcher", False):
+            self._report.left_out(f'object "{instance_object.name}"',
+                                  "Shadow Catcher: it is visible, as other objects")
         if kind in MESH_TYPES:
             return self._read_mesh(name, instance_object, kind)
         corners = [tuple(corner) for corner in instance_object.bound_box]
@@ -151,27 +163,16 @@ class Collector:
         self._taken.add(name)
         return name
 
-    def _note_visibility(self, instance_object):
-        hidden = hidden_rays(instance_object)
-        item = f'object "{instance_object.name}"'
-        if hidden:
-            self._report.left_out(item, f"Ray Visibility ({', '.join(hidden)}): it is visible to "
-                                        "all rays")
-        if getattr(instance_object, "is_shadow_catcher", False):
-            self._report.left_out(item, "Shadow Catcher: it is visible, as other objects")
-
-    def _is_invisible(self, instance, instance_object):
-        """Whether no ray sees it. Reports what its maker hides of it."""
-        if len(hidden_rays(instance_object, instance)) == len(RAYS):
-            return True
-        maker = instance.parent if instance.is_instance else None
-        if maker is not None and maker.name not in self._parents:
-            self._parents.add(maker.name)
-            if hidden := hidden_rays(maker):
-                self._report.left_out(f'object "{maker.name}"', f"Ray Visibility ("
-                                      f"{', '.join(hidden)}): its instances are visible to all "
-                                      "rays")
-        return False
+    def _hidden_rays(self, instance, instance_object):
+        """The kinds of rays that do not see this instance of an object."""
+        makers = [instance_object]
+        if instance.is_instance and instance.parent is not None:
+            makers.append(instance.parent)
+        hidden = {ray for ray in RAYS if not all(
+            getattr(maker, f"visible_{ray.replace(' ', '_')}", True) for maker in makers)}
+        if makers[-1].original.indirect_only_get(view_layer=self._depsgraph.view_layer):
+            hidden.add("camera")
+        return [ray for ray in RAYS if ray in hidden]
 
     # Meshes.
 
@@ -265,7 +266,7 @@ class Collector:
 
     # Hair.
 
-    def _add_hair(self, instance, instance_object):
+    def _add_hair(self, instance, instance_object, hidden):
         name = instance_object.name
         for index, system in enumerate(instance_object.particle_systems):
             settings = system.settings
@@ -281,7 +282,8 @@ class Collector:
             if read is None:
                 continue
             strands = self._strands(instance_object, settings.material - 1, read)
-            geometry = Geometry(self._free_name(f"{name} {system.name}"), [], 0.0, strands)
+            geometry = Geometry(self._free_name(f"{name} {system.name}"), [], 0.0, strands,
+                                hidden_from=hidden)
             geometry.matrices.append(None)  # It is in world space.
             geometry.object_names.append(name)
             geometry.keys.append(None)
@@ -349,18 +351,6 @@ def _geometry_key(instance_object, kind, seen):
         return instance_object.original.as_pointer(), seen[1]
     return seen[1], tuple(slot.material.name_full if slot.material else None
                           for slot in instance_object.material_slots)
-
-
-RAYS = ("camera", *lights.SCATTERED, "shadow")
-
-
-def hidden_rays(instance_object, instance=None):
-    """The kinds of rays that do not see an object, or this instance of it."""
-    makers = [instance_object]
-    if instance is not None and instance.is_instance and instance.parent is not None:
-        makers.append(instance.parent)
-    return [ray for ray in RAYS if not all(
-        getattr(maker, f"visible_{ray.replace(' ', '_')}", True) for maker in makers)]
 
 
 def motion_key(instance, instance_object):

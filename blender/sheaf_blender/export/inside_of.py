@@ -10,12 +10,15 @@ OVERLAP_MIN = 1e-3   # A smaller part of a box that overlaps another is rounding
 
 
 def media_at(geometries, point):
-    """[(geometry, index of its instance, part, or None for a grid)] around the point, in the world.
+    """[(geometry, index of its instance, part, or None for a grid)] around the point, in the world,
+    of those that the camera sees.
     """
     found = []
     for geometry in geometries:
         if (geometry.medium_grid is None and geometry.smoke is None
                 and all(part.shading.medium is None for part in geometry.parts)):
+            continue
+        if "camera" in geometry.hidden_from:
             continue
         for index, matrix in enumerate(geometry.matrices):
             if matrix is None or is_singular(matrix):

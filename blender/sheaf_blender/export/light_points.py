@@ -1,7 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Lights with size as points: lights that the camera does not see and that block no light, areas
-with a spread, and spots with a radius. Shadows are soft in as many steps as there are points.
+"""Lights with size as points: areas with a spread, spots with a radius, and lamps around the
+camera. Shadows are soft in as many steps as there are points.
 """
 import math
 
@@ -14,8 +14,7 @@ from .images import write_pixels
 POINTS = 64
 _GOLDEN = (math.sqrt(5) - 1) / 2
 SPREAD_RADIANS_MIN = math.radians(2.0)  # The map of a narrower beam has too few texels.
-NOTE = (f"it is {POINTS} points, as the camera does not see it: it has no size in reflections, and "
-        "its shadows have steps")
+NOTE = f"it is {POINTS} points: it has no size in reflections, and its shadows have steps"
 
 
 def write_area(text, light, matrix, intensity, content, corner_count, size):
@@ -42,15 +41,6 @@ def write_spot(text, matrix, radius, profile, intensity):
     """matrix: without scale; the light shines along -z."""
     for offset in ball_points(radius):
         write_map(text, mathutils.Matrix.Translation(offset) @ matrix, profile, _shared(intensity))
-
-
-def write_sun(text, direction, half_angle, irradiance):
-    turn = direction.to_track_quat("Z", "Y").to_matrix()
-    for u, v in disk_points():
-        far = turn @ mathutils.Vector((u * math.tan(half_angle), v * math.tan(half_angle), 1))
-        text.directive("LightSource", "distant", {
-            "rgb L": _shared(irradiance), "point3 from": tuple(map(float, -far)),
-            "point3 to": (0.0, 0.0, 0.0)})
 
 
 def write_map(text, matrix, profile, intensity):

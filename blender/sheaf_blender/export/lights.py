@@ -6,7 +6,7 @@ import math
 import bpy
 import mathutils
 
-from ..scene import units, values
+from ..scene import ray_visibility, units, values
 from . import light_points, node_links, settings
 from .images import write_pixels
 from .node_values import NodeValues
@@ -40,9 +40,6 @@ def color_of(light, exposure, report, images):
     return tuple(c * f * strength for c, f in zip(color, values.color(found)))
 
 
-SCATTERED = ("diffuse", "glossy", "transmission", "volume scatter")
-
-
 def write_light(text, place, color, scene_sphere, content, report, groups):
     """Writes a collector.LightPlace. scene_sphere: (center, radius) of what is not at infinity;
     groups: LightGroups.
@@ -50,11 +47,8 @@ def write_light(text, place, color, scene_sphere, content, report, groups):
     light = place.light
     item = f'light "{place.name}"'
     report_common(light, item, report)
-    hidden = [ray for ray in place.hidden_from if ray != "camera"]
-    if set(SCATTERED) <= set(hidden):
+    if set(ray_visibility.SCATTERED) <= set(place.hidden_from):
         return
-    if hidden:
-        report.left_out(item, f"Ray Visibility ({', '.join(hidden)}): it lights all rays")
     powers = [c * light.energy for c in color]
     if max(powers) > 0 or min(powers) == 0:
         with text.lights_with(groups.parameters(place.group)):
@@ -75,51 +69,66 @@ def _write(text, place, color, scene_sphere, content, report):
     item = f'light "{place.name}"'
     if light.type != "SUN" and matrix.to_3x3().determinant() == 0:
         matrix = _unflattened(matrix)
-    writer = {"POINT": _point, "AREA": _area}.get(light.type)
-    if place.is_seen and "camera" in place.hidden_from or light_points.has_spread(light):
-        if _write_points(text, light, matrix, color, content, item, report):
-            return
+    has_shape = _has_shape(light, matrix)
+    is_around = place.is_around and "camera" in place.hidden_from
+    if has_shape and (light_points.has_spread(light) or is_around):
+        with text.lights_with(_invisible(place, False)):
+            _write_points(text, light, matrix, color, content, item, report)
+        return
+    invisible = _invisible(place, has_shape)
     text.directive("AttributeBegin")
-    if light.type == "SUN":
-        _sun(text, light, matrix, color, scene_sphere)
-    elif light.type == "SPOT":
-        if bpy.app.version < (3, 5, 0):  # Since then its scale makes the cone elliptic.
-            matrix = _unscaled(matrix)
-        if light_points.has_radius(light):
-            _soft_spot(text, light, matrix, color, content, item, report)
-            text.directive("AttributeEnd")
-            return
-        write_transform(text, matrix, None)
-        _spot(text, light, color, content, item, report)
-    else:
-        write_transform(text, matrix, None)
-        writer(text, light, matrix, color, item, report)
+    if has_shape and invisible:  # A shape that blocks no light.
+        text.directive("Material", "interface")
+        text.directive("Attribute", "shape", invisible)
+    with text.lights_with({} if has_shape else invisible):
+        _write_one(text, light, matrix, color, scene_sphere, content, item, report)
     text.directive("AttributeEnd")
 
 
-def _write_points(text, light, matrix, color, content, item, report):
-    """Whether the light is written as points: it has a size."""
+def _invisible(place, has_shape):
+    """"string invisible" of a light. One without a shape is not seen anyway; a shape where the
+    camera does not look needs none for that.
+    """
+    hidden = set(place.hidden_from)
+    if not has_shape or (not place.is_seen and hidden <= {"camera", "shadow"}):
+        hidden.discard("camera")
+    return ray_visibility.parameter(hidden, is_lamp=True)
+
+
+def _has_shape(light, matrix):
     if light.type == "SUN":
-        if light.angle < units.SUN_DISK_RADIANS_MIN:
-            return False
-        direction = (matrix.to_3x3() @ mathutils.Vector((0, 0, -1))).normalized()
-        light_points.write_sun(text, direction, _half_angle(light), _scaled(color, light.energy))
-    elif light.type == "POINT":
-        if light.shadow_soft_size < SIZE_MIN_M:
-            return False
+        return light.angle >= units.SUN_DISK_RADIANS_MIN
+    if light.type == "AREA":
+        return _area_size(light, matrix)[3] > 0
+    return light.type == "POINT" and light.shadow_soft_size * matrix.median_scale >= SIZE_MIN_M
+
+
+def _write_one(text, light, matrix, color, scene_sphere, content, item, report):
+    if light.type == "SUN":
+        return _sun(text, light, matrix, color, scene_sphere)
+    if light.type != "SPOT":
+        write_transform(text, matrix, None)
+        return {"POINT": _point, "AREA": _area}[light.type](text, light, matrix, color, item,
+                                                             report)
+    if bpy.app.version < (3, 5, 0):  # Since then its scale makes the cone elliptic.
+        matrix = _unscaled(matrix)
+    if light_points.has_radius(light):
+        return _soft_spot(text, light, matrix, color, content, item, report)
+    write_transform(text, matrix, None)
+    return _spot(text, light, color, content, item, report)
+
+
+def _write_points(text, light, matrix, color, content, item, report):
+    """An area light with a spread, or a lamp around the camera."""
+    report.approximated(item, light_points.NOTE)
+    if light.type == "POINT":
         light_points.write_ball(text, matrix.translation, light.shadow_soft_size,
                                 _scaled(color, units.point_intensity(light.energy)))
-    elif light.type == "AREA":
-        x, y, is_round, surface = _area_size(light, matrix)
-        if surface <= 0:
-            return False
-        radiance = units.area_radiance(light.energy, surface, bpy.app.version >= (4, 0, 0))
-        light_points.write_area(text, light, matrix, _scaled(color, radiance * surface), content,
-                                0 if is_round else 4, (x, y))
-    else:
-        return False
-    report.approximated(item, light_points.NOTE)
-    return True
+        return
+    x, y, is_round, surface = _area_size(light, matrix)
+    radiance = units.area_radiance(light.energy, surface, bpy.app.version >= (4, 0, 0))
+    light_points.write_area(text, light, matrix, _scaled(color, radiance * surface), content,
+                            0 if is_round else 4, (x, y))
 
 
 def _unflattened(matrix):
@@ -179,6 +188,12 @@ def is_in_view(place, view, window, kind):
             return distance > -size
     return all(window[2 * i] * distance - size <= center[i] <= window[2 * i + 1] * distance + size
                for i in (0, 1))
+
+
+def is_around(place, view):
+    """Whether a lamp's sphere holds the camera: it shines inwards, too. view: as above."""
+    return place.light.type == "POINT" and (
+        (view @ place.matrix.translation).length <= place.light.shadow_soft_size)
 
 
 def _reach(place):

@@ -10,7 +10,7 @@ import time
 import mathutils
 import numpy
 
-from ..scene import materials
+from ..scene import materials, ray_visibility
 from ..scene.content import ContentFolder
 from ..scene.report import Report
 from ..scene.text import SceneText
@@ -32,6 +32,7 @@ class Exported:
     sky: object         # A Sky, to take it out of the image.
     groups: object      # LightGroups.
     holdouts: set       # Names of objects that F12 cuts out of the image.
+    has_ray_kinds: bool  # Whether some kinds of rays do not see all.
     seconds: float
     cpu_seconds: float
     files_written: int
@@ -88,8 +89,8 @@ def export_scene(depsgraph, path, content_root, settings, set_frame, view):
     report = Report()
     content = ContentFolder(content_root)
     header, body = io.StringIO(), io.StringIO()
-    window, sky, groups, holdouts = _write_scene(depsgraph, header, body, content, report, settings,
-                                                 set_frame, view)
+    window, sky, *others = _write_scene(depsgraph, header, body, content, report, settings,
+                                        set_frame, view)
     temporary = f"{path}.{os.getpid()}.partial"
     with open(temporary, "w", encoding="utf-8") as file:
         for part in (header, body):
@@ -98,12 +99,12 @@ def export_scene(depsgraph, path, content_root, settings, set_frame, view):
     os.replace(temporary, path)
     if content.written:
         content.prune()
-    return Exported(path, report, window, sky, groups, holdouts, time.monotonic() - start,
+    return Exported(path, report, window, sky, *others, time.monotonic() - start,
                     time.thread_time() - cpu_start, content.written, content.kept)
 
 
 def _write_scene(depsgraph, header, body, content, report, settings, set_frame, view):
-    """Returns Exported.view_window, sky, groups and holdouts. All values are those at the frame;
+    """Returns Exported.view_window to has_ray_kinds. All values are those at the frame;
     only what moves is read at other times.
     """
     scene = depsgraph.scene_eval
@@ -131,6 +132,7 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     view_now = camera.views_of(states, kind)[0]
     for place in collector.lights:
         place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
+        place.is_around = lights.is_around(place, view_now)
     sphere = mathutils.Vector((0, 0, 0)), 1.0
     with report.guard("scene"):
         sphere = sphere_of(geometries)
@@ -155,7 +157,7 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     _write_camera(options, camera.views_of(states, kind), kind, camera_parameters, medium)
     return (states[0].window if kind == "perspective" else (),
             Sky(background, camera.camera_from_world(states[0].matrix).inverted_safe(),
-                states[0].window, kind), groups, collector.holdouts)
+                states[0].window, kind), groups, collector.holdouts, text.has_ray_kinds)
 
 
 def _write_sky(text, depsgraph, exposure, images, content, report, groups):
@@ -164,8 +166,10 @@ def _write_sky(text, depsgraph, exposure, images, content, report, groups):
     chosen = getattr(layer, "world_override", None) or depsgraph.scene_eval.world
     background = world.Background()
     if layer.use_sky and chosen is not None:
-        group = groups.parameters(getattr(chosen, "lightgroup", ""))
-        with report.guard(f'world "{chosen.name}"'), text.whole(), text.lights_with(group):
+        parameters = groups.parameters(getattr(chosen, "lightgroup", ""))
+        hidden = ray_visibility.hidden_from_world(getattr(chosen, "cycles_visibility", None))
+        parameters = {**parameters, **ray_visibility.parameter(hidden, is_lamp=True)}
+        with report.guard(f'world "{chosen.name}"'), text.whole(), text.lights_with(parameters):
             background = world.write_world(text, depsgraph.scene, chosen, exposure, images,
                                            content, report)
     return background

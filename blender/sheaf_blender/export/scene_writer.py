@@ -6,7 +6,7 @@ import dataclasses
 import mathutils
 import numpy
 
-from ..scene import closures, materials, values
+from ..scene import closures, materials, ray_visibility, values
 from ..scene.text import parameters_text
 from . import inside_of, lights, motion, placed_nodes, shaders, smoke
 from .collector import Geometry
@@ -220,8 +220,9 @@ class SceneWriter:
         their light.
         """
         text = self._text
+        invisible = ray_visibility.parameter(geometry.hidden_from)
         for part, (material, medium) in zip(geometry.parts, names):
-            parameters = {"string filename": part.file, **_name(object_name)}
+            parameters = {"string filename": part.file, **_name(object_name), **invisible}
             for i, file in enumerate(part.later_files):
                 parameters[f"string filename{i + 1}"] = file
             alpha = part.shading.closure.alpha
@@ -243,8 +244,8 @@ class SceneWriter:
             material, _ = self._prepare(shading)
             text.directive("NamedMaterial", material)
             text.directive("AttributeBegin")
-            if object_name is not None:
-                text.directive("Attribute", "shape", _name(object_name))
+            if object_name is not None or invisible:
+                text.directive("Attribute", "shape", {**_name(object_name), **invisible})
             text.directive("Include", path)
             text.directive("AttributeEnd")
 
@@ -325,7 +326,8 @@ class SceneWriter:
             text.raw(f'MediumInterface "{_plain(name)}" "{_plain(self._around)}"')
             text.directive("Material", "interface")
             text.directive("Shape", "trianglemesh",
-                           {**_box(grid.corners), **_name(geometry.object_names[i])})
+                           {**_box(grid.corners), **_name(geometry.object_names[i]),
+                            **ray_visibility.parameter(geometry.hidden_from)})
             text.directive("AttributeEnd")
 
 

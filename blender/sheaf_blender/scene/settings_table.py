@@ -78,15 +78,14 @@ TABLE = {
     "LayerCollection": (
         handled("exclude", "by Blender's evaluation"),
         handled("holdout", "F12 cuts its objects out of the image; frames of one job report it"),
-        reported("indirect_only", False, "Indirect Only: its objects are seen by the camera"),
+        handled("indirect_only"),
     ),
     "Object": (
         handled("data type parent matrix_world material_slots modifiers particle_systems "
                 "hide_render show_instancer_for_render instance_type instance_collection",
                 "by Blender's evaluation"),
-        reported("visible_camera visible_diffuse visible_glossy visible_transmission "
-                 "visible_volume_scatter visible_shadow", ELSEWHERE,
-                 "Ray Visibility: it is visible to all rays"),
+        handled("visible_camera visible_diffuse visible_glossy visible_transmission "
+                "visible_volume_scatter visible_shadow"),
         handled("is_holdout", "F12 cuts it out of the image; frames of one job report it"),
         reported("is_shadow_catcher", ELSEWHERE, "Shadow Catcher: it is visible, as other objects"),
         handled("lightgroup"),
@@ -119,10 +118,7 @@ TABLE = {
     ),
     "CyclesVisibilitySettings": (
         handled("camera", "F12 takes the world out of the image; frames of one job report it"),
-        reported("diffuse", True, "Ray Visibility > Diffuse: the world lights diffuse surfaces"),
-        reported("glossy", True, "Ray Visibility > Glossy: the world is in reflections"),
-        reported("transmission", True, "Ray Visibility > Transmission: it shines through glass"),
-        reported("scatter", True, "Ray Visibility > Volume Scatter: it lights volumes"),
+        handled("diffuse glossy transmission scatter"),
     ),
     "Scene": (
         handled("camera world frame_current frame_subframe view_layers background_set render"),

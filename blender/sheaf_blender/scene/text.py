@@ -49,12 +49,15 @@ class SceneText:
     def __init__(self, file):
         self._file = file
         self._of_lights = {}
+        self.has_ray_kinds = False  # Whether some kinds of rays do not see all.
 
     def directive(self, name, *arguments, **_):
         """Arguments: strings are quoted, dictionaries are parameters."""
         text = name
         if name in ("LightSource", "AreaLightSource") and self._of_lights:
             arguments = (*arguments, self._of_lights)
+        self.has_ray_kinds |= any("string invisible" in argument for argument in arguments
+                                  if isinstance(argument, dict))
         for argument in arguments:
             text += (parameters_text(argument) if isinstance(argument, dict)
                      else " " + quoted(argument))
@@ -70,7 +73,7 @@ class SceneText:
     @contextlib.contextmanager
     def lights_with(self, parameters):
         """Adds parameters to all lights that are written meanwhile."""
-        before, self._of_lights = self._of_lights, parameters
+        before, self._of_lights = self._of_lights, {**self._of_lights, **parameters}
         try:
             yield
         finally:

@@ -18,6 +18,7 @@ import scenes_layers
 import scenes_meaning
 import scenes_more
 import scenes_patterns
+import scenes_rays
 
 BOUNCES = 16
 
@@ -28,7 +29,7 @@ def build(name, folder):
         random_scenes.handled(int(name[7:]))(builder)
         return builder.scene
     module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning,
-                                    scenes_layers, scenes_patterns)
+                                    scenes_layers, scenes_patterns, scenes_rays)
                   if hasattr(module, name))
     getattr(module, name)(builder)
     return builder.scene

@@ -46,7 +46,10 @@ FINDINGS = (
     "image_turned", "image_turned_back", "volumes_in_fog", "volumes_that_meet", "closed_room",
     "shells", "unclipped",
     "shutter_curve", "lamps_in_view", "lamp_around_all", "sun_in_view", "area_spread",
-    "spot_soft")
+    "spot_soft",
+    "rays_camera", "rays_shadow", "rays_diffuse", "rays_glossy", "rays_transmission", "rays_volume",
+    "rays_indirect_only", "rays_world", "rays_principled", "lamps_in_mirror", "lamps_by_rays",
+    "hidden_by_maker")
 PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",
             "patterns_ramp")
 RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # From random_scenes.HandledScene.
