@@ -171,7 +171,7 @@ bool IsGeneric(const Variant& variant) {
 // The variant of a scene contains only traits that the scene needs or that are counted above,
 // unless the scene needs a trait so rare that only the generic variants have it.
 TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
-  uint32_t counted = 0;
+  TraitBits counted = 0;
   for (const Ablated& ablated : AllAblated()) {
     for (const Variant& variant : AllVariants()) {
       const TraitBits ablated_traits = variant.traits & ~ablated.traits;
@@ -179,7 +179,7 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
       if ((ablated.traits & ~variant.traits) == 0 && is_one) counted |= ablated_traits;
     }
   }
-  uint32_t all = 0;
+  TraitBits all = 0;
   for (const Variant& variant : AllVariants()) {
     if (!IsGeneric(variant)) all |= variant.traits;
   }
@@ -200,7 +200,7 @@ TEST(CarriedTraitTest, NoOtherTraitIsCarried) {
       continue;
     }
     // So do guided frames, those that learn lights, and those that split them.
-    constexpr uint32_t kRequested =
+    constexpr TraitBits kRequested =
         TraitSet(Trait::kGuiding, Trait::kLightSplits, Trait::kLearnedLights);
     if ((variant.traits & kRequested) != 0) {
       EXPECT_EQ(variant.traits & kRequested & ~traits, 0u) << variant.name << " for " << traits;
