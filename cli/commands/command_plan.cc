@@ -22,6 +22,7 @@
 #include "cli/profile/load_report.h"
 #include "cli/profile/memory_account.h"
 #include "common/base/printable.h"
+#include "common/command_line/command_line.h"
 #include "common/scene/settings/path_shares.h"
 #include "common/scene/settings/ray_visibility_check.h"
 #include "worker/render/ablation/plan_measurement.h"
