@@ -36,7 +36,8 @@ class SharingTest(OneImageCase):
         plan = farm.local("plan", self.scene, *SHARING)
         self.assertIn("techniques: camera+sharing+views, requested", plan)
         self.assertIn("views: up to 8 points of the lens share the paths that begin at rough "
-                      "surfaces; not those at the materials of", plan)
+                      "surfaces; those with two rough surfaces or more behind up to 4 "
+                      "mirrors", plan)
         shown = json.loads(farm.local("show", self.path("expected"), "--json"))
         self.assertEqual(shown["metadata"]["techniques"], "camera+sharing+views")
         self.assertNotIn("bias", shown["metadata"])

@@ -182,7 +182,7 @@ TEST(PlanMeasurementTest, EffectsWithoutTimeAreMarked) {
   TableFileSource files({});
   const auto measured = MeasurePlan(t.scene, SquareSettings(64, 16, 5), files, kMeasureSecondsMin);
   ASSERT_TRUE(measured.ok()) << measured.status();
-  EXPECT_EQ(measured->effects.size(), 13u + 2u);
+  EXPECT_EQ(measured->effects.size(), 14u + 2u);
   for (const EffectMeasurement& effect : measured->effects) {
     EXPECT_TRUE(effect.samples >= 2 || !effect.problem.empty()) << effect.name;
   }

@@ -12,8 +12,8 @@ using ::testing::HasSubstr;
 
 TEST(TechniqueChoicesTest, EveryTechniqueIsListedOrAskedFor) {
   for (const TechniqueSet set : TechniqueSet::All()) {
-    const bool is_asked_for =
-        set.Has(Technique::kLightPathsAlone) || set.Has(Technique::kMutations);
+    const bool is_asked_for = set.Has(Technique::kLightPathsAlone) ||
+                              set.Has(Technique::kMutations) || set.Has(Technique::kChains);
     // Frames have sharing beside no other technique.
     const bool is_refused =
         set.Has(Technique::kSharing) && set.Without(Technique::kSharing) != TechniqueSet::kCamera;

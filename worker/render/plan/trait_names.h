@@ -48,7 +48,7 @@ inline constexpr TraitName kTraitNames[] = {
     {Trait::kPrincipled, "principled materials"},
     {Trait::kVertexNormals, "vertex normals", 1.07},
     {Trait::kLearnedLights, "learned lights"},
-    {Trait::kRayVisibility, "ray visibility"},
+    {Trait::kRayVisibility, "ray visibility", 1.36},
 };
 static_assert(std::size(kTraitNames) == kTraitCount);
 
