@@ -190,7 +190,7 @@ TEST(EyesTest, AReplayAndItsInverseGiveTheSamePathOrNone) {
   RayCounts counts;
   LightGroups<Rgb> groups;
   Random random(9);
-  int replayed = 0;
+  int replayed = 0, magnified = 0;
   const int path_count = LongTests() ? 1000000 : 20000;
   for (int i = 0; i < path_count; ++i) {
     const Eye eye = i % 2 == 0 ? Eye::kLeft : Eye::kRight;
@@ -219,9 +219,13 @@ TEST(EyesTest, AReplayAndItsInverseGiveTheSamePathOrNone) {
     const auto again = ReplayPrefix(c, prefix, own, back->film);
     ASSERT_TRUE(again.has_value());
     ++replayed;
-    EXPECT_NEAR(Length(again->vertex.point.p - there->vertex.point.p), 0, 0.02);
+    const float apart = Length(again->vertex.point.p - there->vertex.point.p);
+    EXPECT_LT(apart, 0.2f);
+    if (apart > 0.02f) ++magnified;
     EXPECT_NEAR(again->throughput.g, there->throughput.g, 0.02f);
   }
+  // Two balls in a row magnify the rounding of the film point where they are grazed.
+  EXPECT_LE(magnified, replayed / 10000);
   EXPECT_GT(replayed, path_count / 20);
 }
 
