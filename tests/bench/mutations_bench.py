@@ -12,12 +12,7 @@ over that of camera+mutations: below 1, mutations lose.
 
 Needs Debian's python3-openimageio and python3-numpy.
 """
-import argparse
-import os
-import tempfile
-
-from error_and_cost import measure
-from technique_regions import ROOT, shrink
+from gain_table import print_gains
 
 REFERENCE = 32  # Times the samples.
 BEST = "camera+light+merging+emission-guiding"
@@ -25,30 +20,5 @@ TECHNIQUES = ("camera+mutations", "camera", "camera+light", "camera+light+emissi
 SCENES = ("caustic", "pool", "pool-from-above", "shop-window", "ajar", "cornell-box")
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("sheaf")
-    parser.add_argument("scenes", nargs="*", metavar="NAME")
-    parser.add_argument("--width", type=int, default=96)
-    parser.add_argument("--samples", type=int, default=64)
-    parser.add_argument("--seeds", type=int, default=3)
-    options = parser.parse_args()
-    print("| scene | techniques | relMSE | without the worst | CPU s | gain of mutations "
-          "| without the worst |")
-    print("|---|---|---|---|---|---|---|")
-    for name in options.scenes or SCENES:
-        with tempfile.TemporaryDirectory() as folder:
-            scene = shrink(os.path.join(ROOT, "scenes", name + ".pbrt"), options.width, folder)
-            results = measure(options, scene, folder, REFERENCE, ("--techniques", BEST),
-                              [("--techniques", techniques) for techniques in TECHNIQUES])
-        mutated = results[0]
-        for techniques, (error, trimmed, seconds) in zip(TECHNIQUES, results):
-            gains = ("", "") if techniques == TECHNIQUES[0] else tuple(
-                f"{value * seconds / (own * mutated.cpu_seconds):.2f}"
-                for value, own in zip((error, trimmed), mutated))
-            print(f"| {'' if gains[0] else name} | {techniques} | {error:.3g} "
-                  f"| {trimmed:.3g} | {seconds:.3g} | {gains[0]} | {gains[1]} |", flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    print_gains(__doc__.splitlines()[0], "mutations", TECHNIQUES, (BEST, REFERENCE), SCENES)
