@@ -175,71 +175,29 @@ class PlanCommand : public Command {
   }
 
   static nlohmann::ordered_json TechniquesJson(const render::TechniqueMeasurement& measured) {
-    const auto cost = [](const render::TechniqueCost& c) {
-      return nlohmann::ordered_json{{"relative_mse", c.relative_mse},
-                                    {"cost_rays_per_sample", c.cost_rays}};
-    };
-    nlohmann::ordered_json gains;
-    for (const TechniqueSet techniques :
-         {TechniqueSet::kCameraAndLight, TechniqueSet::kCameraGuided}) {
-      gains[techniques.Name()] = measured.Gain(techniques);
+    nlohmann::ordered_json gains, costs;
+    for (const TechniqueSet techniques : measured.Measured()) {
+      const render::TechniqueCost& cost = *measured.Find(techniques);
+      costs[techniques.Name()] = {{"relative_mse", cost.relative_mse},
+                                  {"cost_rays_per_sample", cost.cost_rays}};
+      if (!(techniques == TechniqueSet::kCamera)) {
+        gains[techniques.Name()] = measured.Gain(techniques);
+      }
     }
-    if (measured.guided_both) {
-      gains[TechniqueSet::kCameraAndLightGuided.Name()] =
-          measured.Gain(TechniqueSet::kCameraAndLightGuided);
-    }
-    if (measured.split) {
-      const TechniqueSet split = measured.BestOfPlain().With(Technique::kSplitting);
-      gains[split.Name()] = measured.Gain(split);
-    }
-    const TechniqueSet merging = measured.BaseOfLight().With(Technique::kMerging),
-                       guided = measured.BaseOfLight().With(Technique::kEmissionGuiding),
-                       both = merging.With(Technique::kEmissionGuiding);
-    if (measured.learned_lights) {
-      const TechniqueSet learned = measured.BestOfPlain().With(Technique::kLearnedLights);
-      gains[learned.Name()] = measured.Gain(learned);
-    }
-    if (measured.product) {
-      const TechniqueSet by_product = measured.BestOfPlain().With(Technique::kProduct);
-      gains[by_product.Name()] = measured.Gain(by_product);
-    }
-    if (measured.merged) gains[merging.Name()] = measured.Gain(merging);
-    if (measured.emission_guided) gains[guided.Name()] = measured.Gain(guided);
-    if (measured.emission_guided_merged) gains[both.Name()] = measured.Gain(both);
     const TechniqueSet unsplit = measured.Best().Without(Technique::kSplitting);
-    nlohmann::ordered_json json = {{"best", measured.Best().Name()},
-                                   {"gain", measured.Gain(measured.Best())},
-                                   {"least_gain", measured.LeastGain(unsplit)},
-                                   {"gains", gains},
-                                   {"light_share", measured.light_share},
-                                   {"only_light_share", measured.only_light_share},
-                                   {"missing_relative_mse", measured.missing_mse},
-                                   {"unmerged_missing_relative_mse", measured.unmerged_missing_mse},
-                                   {"merge_bias_relative_mse", measured.bias_mse},
-                                   {"width_px", measured.width_px},
-                                   {"height_px", measured.height_px},
-                                   {"samples", measured.samples},
-                                   {"camera", cost(measured.camera)},
-                                   {"camera+light", cost(measured.both)},
-                                   {"camera+guiding", cost(measured.guided)}};
-    if (measured.guided_both) json["camera+light+guiding"] = cost(*measured.guided_both);
-    if (measured.merged) json["merged"] = cost(*measured.merged);
-    if (measured.learned_lights) {
-      json["learned_lights"] = cost(*measured.learned_lights);
-      json["gain_of_learned_lights"] = measured.GainOfLearnedLights();
-    }
-    if (measured.product) {
-      json["product"] = cost(*measured.product);
-      json["gain_of_product"] = measured.GainOfProduct();
-    }
-    if (measured.emission_guided_merged) {
-      json["emission_guided_merged"] = cost(*measured.emission_guided_merged);
-    }
-    if (measured.emission_guided) {
-      json["emission_guided"] = cost(*measured.emission_guided);
-      json["gain_of_emission_guiding"] = measured.GainOfGuidedEmission();
-    }
-    return json;
+    return {{"best", measured.Best().Name()},
+            {"gain", measured.Gain(measured.Best())},
+            {"least_gain", measured.LeastGain(unsplit)},
+            {"gains", gains},
+            {"light_share", measured.light_share},
+            {"only_light_share", measured.only_light_share},
+            {"missing_relative_mse", measured.missing_mse},
+            {"unmerged_missing_relative_mse", measured.unmerged_missing_mse},
+            {"merge_bias_relative_mse", measured.bias_mse},
+            {"width_px", measured.width_px},
+            {"height_px", measured.height_px},
+            {"samples", measured.samples},
+            {"costs", costs}};
   }
 
   // is_auto: the frame's techniques are those that a measurement chooses.

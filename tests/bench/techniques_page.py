@@ -9,6 +9,7 @@ SHEAF is a build's program `sheaf`. Renders each scene by each choice of techniq
 number of samples, compares with a reference of many more, and puts beside it what `--techniques
 auto` measures on its small image. CPU seconds are those of the process: they include the training
 of guided frames and the loading of the scene. Scenes of SHEAF_PUBLIC_SCENES are added if it is set.
+Rows are kept in docs/techniques/rows.json, so that those of scenes that are not named stay.
 """
 import argparse
 import json
@@ -37,7 +38,22 @@ PUBLIC = [
 # hides the least of what the others differ in. Tests show that all have the same expectation.
 REFERENCE_TECHNIQUES = "camera+light+guiding"
 REFERENCE_FACTOR = 16
-PICTURES = ("caustic", "ajar", "frosted")
+# Scenes for one technique each: it is compared with the ones that find the same light otherwise.
+# The first is the baseline, the last makes the reference.
+SPECIAL = {
+    "lamps": ("camera", "camera+learned-lights", "camera+product"),
+    "pool-from-above": ("camera", "camera+light", "camera+light+merging"),
+    "shop-window": ("camera", "camera+light", "camera+light+merging", "camera+chains"),
+}
+# Each with the techniques of its second picture; the first is by camera paths.
+PICTURES = {
+    "caustic": REFERENCE_TECHNIQUES,
+    "ajar": REFERENCE_TECHNIQUES,
+    "frosted": REFERENCE_TECHNIQUES,
+    "lamps": "camera+product",
+    "pool-from-above": "camera+light+merging",
+    "shop-window": "camera+chains",
+}
 TECHNIQUES = ("camera", "camera+light", "camera+guiding", "camera+light+guiding",
               "camera+guiding+splitting", "camera+light+guiding+splitting",
               "camera+light+emission-guiding")
@@ -63,21 +79,33 @@ def render(sheaf, scene, techniques, samples, seed, out, png=None):
     return run.cpu_seconds
 
 
+def techniques_of(name):
+    return SPECIAL.get(name, TECHNIQUES)
+
+
+def picture_of(name, techniques):
+    return f"{name}-{techniques.replace('+', '-')}.png"
+
+
 def measure(sheaf, name, scene, samples, folder, pictures):
     reference = os.path.join(folder, "reference.exr")
-    render(sheaf, scene, REFERENCE_TECHNIQUES, samples * REFERENCE_FACTOR, 2, reference)
-    row = {"name": name}
-    for techniques in TECHNIQUES:
+    by = SPECIAL[name][-1] if name in SPECIAL else REFERENCE_TECHNIQUES
+    render(sheaf, scene, by, samples * REFERENCE_FACTOR, 2, reference)
+    row = {"name": name, "samples": samples, "results": {}}
+    for techniques in techniques_of(name):
         out = os.path.join(folder, techniques + ".exr")
         png = None
-        if name in PICTURES and techniques in (TECHNIQUES[0], REFERENCE_TECHNIQUES):
-            png = os.path.join(pictures, f"{name}-{techniques.replace('+', '-')}.png")
+        if techniques in ("camera", PICTURES.get(name)) and name in PICTURES:
+            png = os.path.join(pictures, picture_of(name, techniques))
         cpu_seconds = render(sheaf, scene, techniques, samples, 1, out, png)
         compared = json.loads(run([sheaf, "compare", reference, out, "--json"]))
-        row[techniques] = {"cpu_seconds": cpu_seconds, "rel_mse": compared["relative_mse"]}
+        row["results"][techniques] = {"cpu_seconds": cpu_seconds,
+                                      "rel_mse": compared["relative_mse"]}
     plan = json.loads(run([sheaf, "plan", scene, "--measure", "--measure-seconds", "0.5",
                            "--json"]))
-    row["measured"] = plan["measurement"]["techniques"]
+    measured = plan["measurement"]["techniques"]
+    row["light_share"] = measured["light_share"]
+    row["best"] = measured["best"]
     return row
 
 
@@ -88,16 +116,16 @@ def number(value):
 def efficiency(row, techniques):
     """How many times as efficient as camera paths: error times CPU seconds."""
     def cost(name):
-        return row[name]["cpu_seconds"] * row[name]["rel_mse"]
+        return row["results"][name]["cpu_seconds"] * row["results"][name]["rel_mse"]
     return cost("camera") / cost(techniques)
 
 
-def page(rows, samples, public):
+def page(rows):
     lines = [
         "# Techniques, scene by scene", "",
         "A renderer can look for light in several ways: from the camera, from the lights, or "
         "along directions that it has learned. Each is good at some scenes and bad at others, "
-        "and all give the same image in the end. This page compares four ways in six scenes. "
+        "and all give the same image in the end. "
         "You need not choose: `--techniques auto` measures them, and the last column says what "
         "it chooses.", "",
         "A high efficiency is good: 2 means the same error in half the time of paths from the "
@@ -106,12 +134,13 @@ def page(rows, samples, public):
         "few pixels are far too bright, because a way finds some light so seldom: the image is "
         "useless, and another way is needed.", "",
         "Made by `tests/bench/techniques_page.py`. Each image has "
-        f"{samples} samples a pixel; relMSE is against a reference of "
-        f"{samples * REFERENCE_FACTOR} by all techniques, which has noise of its own. CPU seconds "
-        "are those of the whole process, with loading and training. Efficiency is error times CPU "
-        "seconds, relative to camera paths. The last column says what `--techniques auto` chooses "
-        "from its small image, for the samples that the scene asks for. Light paths begin at every "
-        "kind of light, and in media that emit.", "",
+        f"{rows[0]['samples']} samples a pixel; relMSE is against a reference of "
+        f"{rows[0]['samples'] * REFERENCE_FACTOR} by all techniques (in "
+        f"{', '.join(sorted(SPECIAL))} by the last rows), which has noise of its own. "
+        "CPU seconds are those of the whole process, with loading and training. Efficiency is "
+        "error times CPU seconds, relative to camera paths. The last column says what "
+        "`--techniques auto` chooses from its small image, for the samples that the scene asks "
+        "for. Light paths begin at every kind of light, and in media that emit.", "",
         "Techniques are those of a whole frame. A choice by region gains a tenth at most in each "
         "scene where `tests/bench/technique_regions.py` measured it: "
         "[ADR 97](adr/0097-techniques-by-frame.md). The gain of `auto`, with the price of its own "
@@ -126,30 +155,33 @@ def page(rows, samples, public):
         "rule: [mutations](mutations.md). `+chains` connects paths to small lamps through smooth "
         "glass and mirrors, without bias: it removes fireflies where a lamp shines through glass "
         "that the camera looks through, for 4 to 8 times the CPU seconds: "
-        "[ADR 210](adr/0210-chains.md).", "",
+        "[ADR 210](adr/0210-chains.md). `auto` measures all of these but `+mutations`.", "",
         "| scene | techniques | relMSE | CPU s | efficiency | light that light paths find | auto |",
         "|---|---|---|---|---|---|---|"]
     for row in rows:
-        measured = row["measured"]
-        for techniques in TECHNIQUES:
-            first = techniques == TECHNIQUES[0]
-            share = f"{100 * measured['light_share']:.2g} %" if first else ""
+        for techniques, result in row["results"].items():
+            is_first = techniques == "camera"
+            share = f"{100 * row['light_share']:.2g} %" if is_first else ""
             lines.append(
-                f"| {row['name'] if first else ''} | {techniques} "
-                f"| {number(row[techniques]['rel_mse'])} "
-                f"| {number(row[techniques]['cpu_seconds'])} "
+                f"| {row['name'] if is_first else ''} | {techniques} "
+                f"| {number(result['rel_mse'])} | {number(result['cpu_seconds'])} "
                 f"| {number(efficiency(row, techniques))} | {share} "
-                f"| {measured['best'] if first else ''} |")
-    if not public:
-        lines += ["", "The public scenes were not there and are left out."]
-    for name in PICTURES:
+                f"| {row['best'] if is_first else ''} |")
+    for name, second in PICTURES.items():
         if any(row["name"] == name for row in rows):
             lines += ["", f"## {name}", "",
-                      "By camera paths alone, and by all techniques, with the same number of "
-                      "samples:", "",
-                      f"![camera](techniques/{name}-camera.png) "
-                      f"![all](techniques/{name}-camera-light-guiding.png)"]
+                      f"By camera paths alone, and by {second}, with the same number of samples:",
+                      "",
+                      f"![camera](techniques/{picture_of(name, 'camera')}) "
+                      f"![{second}](techniques/{picture_of(name, second)})"]
     return "\n".join(lines) + "\n"
+
+
+def kept_rows(path):
+    if not os.path.exists(path):
+        return {}
+    with open(path, encoding="utf-8") as file:
+        return {row["name"]: row for row in json.load(file)}
 
 
 def main():
@@ -161,19 +193,24 @@ def main():
     options = parser.parse_args()
     public = os.environ.get("SHEAF_PUBLIC_SCENES", "")
     scenes = [(name, os.path.join(ROOT, path)) for name, path in SCENES]
+    scenes += [(name, os.path.join(ROOT, "scenes", name + ".pbrt")) for name in SPECIAL]
     if public:
         scenes += [(name, os.path.join(public, path)) for name, path in PUBLIC]
     pictures = os.path.join(os.path.dirname(os.path.abspath(options.out)), "techniques")
     os.makedirs(pictures, exist_ok=True)
-    rows = []
+    rows_path = os.path.join(pictures, "rows.json")
+    rows = kept_rows(rows_path)
     for name, scene in scenes:
         if options.scenes and name not in options.scenes:
             continue
         with tempfile.TemporaryDirectory() as folder:
-            rows.append(measure(options.sheaf, name, scene, options.samples, folder, pictures))
-        print(json.dumps(rows[-1]), flush=True)
+            rows[name] = measure(options.sheaf, name, scene, options.samples, folder, pictures)
+        print(json.dumps(rows[name]), flush=True)
+        with open(rows_path, "w", encoding="utf-8") as file:
+            json.dump(list(rows.values()), file, indent=1)
+            file.write("\n")
     with open(options.out, "w", encoding="utf-8") as file:
-        file.write(page(rows, options.samples, bool(public)))
+        file.write(page(list(rows.values())))
 
 
 if __name__ == "__main__":

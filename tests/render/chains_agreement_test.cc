@@ -68,6 +68,35 @@ TestScene Shell() {
   return t;
 }
 
+// A floor below a pane, through which both the camera and the lamp look at it. The light on it is
+// so smooth that merging hardly blurs it.
+TestScene Window() {
+  TestScene t({0, 3, -0.1}, {0, 0, 0}, 24);
+  AddLargeLamp(&t, {0.9, 1.8, 0});
+  t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})},
+             t.Diffuse({0.6f, 0.5f, 0.4f}));
+  t.AddShape(MeshShape{t.Box({-3, 1, -3}, {3, 1.1f, 3})}, t.AddMaterial(DielectricMaterial{}));
+  return t;
+}
+
+// Light through a window that the camera looks through, which light paths do not find alone.
+TEST(ChainsAgreementTest, ChainsFindWhatMergingFinds) {
+  const TestScene window = Window();
+  FrameSettings settings = SquareSettings(kSizePx, Samples(256), 5);
+  settings.techniques = {Technique::kLightPaths, Technique::kMerging};
+  const auto merged = EstimatesOfBoth(RenderBothFilms(*Compile(window.scene, settings)));
+  settings.techniques = {Technique::kChains};
+  ++settings.seed;
+  RenderStats stats;
+  const auto by_chains = EstimatesOf(RenderAll(*Compile(window.scene, settings), &stats));
+  EXPECT_EQ(stats.capped_chains, 0u);
+  std::vector<TilePair> tiles;
+  for (size_t tile = 0; tile < merged.size(); ++tile) {
+    tiles.push_back({merged[tile], by_chains[tile]});
+  }
+  ExpectAgreement("window, by merging", LongTests() ? 0.02 : 0.06, tiles);
+}
+
 void ExpectChainsAgree(const std::string& name, const TestScene& scene, ColorTransport color,
                        int32_t depth) {
   FrameSettings settings = SquareSettings(kSizePx, Samples(128), depth);

@@ -72,6 +72,50 @@ TEST(TechniqueMeasurementTest, GainGrowsForLightsThatCameraPathsMiss) {
   EXPECT_GT(of_small, 5 * of_large) << of_small << " " << of_large;
 }
 
+// A floor behind a pane of glass, through which both a small lamp and the camera look at it.
+TestScene ShopWindow() {
+  TestScene t({0, 1, -3.2}, {0, 0, 0}, 40);
+  t.AddShape(MeshShape{t.Quad({-2, 0, -1}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -1})},
+             t.Diffuse({0.6f, 0.5f, 0.4f}));
+  const uint32_t glass = t.AddMaterial(DielectricMaterial{});
+  for (const float z : {-1.2f, -1.1f}) {
+    t.AddShape(MeshShape{z < -1.15f ? t.Quad({-3, 0, z}, {-3, 3, z}, {3, 3, z}, {3, 0, z})
+                                    : t.Quad({-3, 0, z}, {3, 0, z}, {3, 3, z}, {-3, 3, z})},
+               glass);
+  }
+  t.AddShape(SphereShape{0.01f, -0.01f, 0.01f, 360}, t.Diffuse({}), TranslateMatrix({0.4, 1.5, -3}))
+      .area_light = t.AreaLight(Rgb::Gray(3e4f));
+  return t;
+}
+
+// Neither paths from the camera nor light paths see what a lamp lights through a window that the
+// camera looks through: chains do, and tell how noisy it is by the others.
+TEST(TechniqueMeasurementTest, ChainsPayThroughAWindow) {
+  const TechniqueMeasurement window = Measure(ShopWindow());
+  ASSERT_TRUE(window.chained.has_value());
+  const TechniqueSet chains{Technique::kChains};
+  EXPECT_EQ(window.Best(), chains) << FormatTechniqueMeasurement(window);
+  EXPECT_GT(window.Gain(chains), 100);
+  EXPECT_GT(window.Gain(chains), 100 * window.Gain(TechniqueSet::kCameraAndLight));
+  EXPECT_THAT(FormatTechniqueMeasurement(window), HasSubstr("camera+chains"));
+  // No lamp of a size, and no glass.
+  EXPECT_FALSE(Measure(Caustic(0)).chained.has_value());
+  EXPECT_FALSE(Measure(ManyLights({1})).chained.has_value());
+}
+
+TEST(TechniqueMeasurementTest, ChainsMustPay) {
+  const TechniqueSet chains{Technique::kChains};
+  TechniqueMeasurement measured;
+  measured.camera = measured.guided = {10, 1};
+  measured.both = {2, 1};
+  measured.chained = {1.9, 1};
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLight);
+  measured.chained = {1, 1};
+  EXPECT_EQ(measured.Best(), chains);
+  measured.chained = {1, 3};
+  EXPECT_EQ(measured.Best(), TechniqueSet::kCameraAndLight);
+}
+
 // Learned lights are measured where there are lights to choose among, and pay where most of them
 // are behind walls: in a hall of which half is hidden they do not.
 TEST(TechniqueMeasurementTest, LearnedLightsAreMeasuredAmongManyLights) {

@@ -104,6 +104,8 @@ void RenderStats::TakeCounts(const CompiledScene& scene, const RayCounts& counts
   chains = counts.chains;
   chain_trials = counts.chain_trials;
   capped_chains = counts.capped_chains;
+  chain_moment = counts.chain_moment;
+  unconnected_chain_moment = counts.unconnected_chain_moment;
   if (counts.capped_shape < scene.description.shapes.size()) {
     capped_at =
         FormatLocation(scene.description, scene.description.shapes[counts.capped_shape].location);

@@ -29,6 +29,7 @@ struct RenderStats {
   // As in RayCounts; capped_at: location of the first lamp whose light was dropped.
   uint64_t chains = 0, chain_trials = 0, capped_chains = 0;
   std::string capped_at;
+  double chain_moment = 0, unconnected_chain_moment = 0;  // RayCounts.
   uint64_t broken_majorants = 0;  // Remaining biased lookups: RayCounts.
   uint32_t raised_majorants = 0;  // Times the block was rendered again because of them.
   // Pages of volumes that this pass read, their bytes in files, and waits for other threads.

@@ -18,6 +18,7 @@ std::string WordsBeside(TechniqueSet other, TechniqueSet set) {
 }  // namespace
 
 bool IsTechniqueChoice(TechniqueSet techniques) {
+  if (techniques == kChainsChoice) return true;
   if (techniques == kSharedChoice || techniques == kSharedByViewsChoice) return true;
   for (const Technique added : kAddedChoices) techniques = techniques.Without(added);
   return std::ranges::find(kPlainChoices, techniques) != std::end(kPlainChoices);
@@ -36,7 +37,9 @@ std::string FormatTechniqueChoices() {
   return absl::StrCat(
       "techniques: auto measures small images of the frame before it is rendered, and takes the "
       "most efficient of ",
-      plain, "; of these with ", added, " where the scene has use for it; and of ", camera.Name(),
+      plain, "; of these with ", added, " where the scene has use for it; of ",
+      kChainsChoice.Name(),
+      " where small lamps may shine through smooth glass or by mirrors; and of ", camera.Name(),
       " with ", WordsBeside(camera, kSharedChoice), ", ", WordsBeside(camera, kSharedByViewsChoice),
       " where the frame may have it. --measure shows the choice and the gains");
 }

@@ -18,11 +18,14 @@ inline constexpr TechniqueSet kPlainChoices[] = {
 inline constexpr Technique kAddedChoices[] = {Technique::kSplitting, Technique::kLearnedLights,
                                               Technique::kProduct, Technique::kEmissionGuiding,
                                               Technique::kMerging};
+// Measured where the scene has smooth surfaces and lamps that chains may connect.
+inline constexpr TechniqueSet kChainsChoice{Technique::kChains};
 // Measured where frames may have paths that count in several pixels.
 inline constexpr TechniqueSet kSharedChoice{Technique::kSharing},
     kSharedByViewsChoice{Technique::kSharing, Technique::kViews};
 
-// Whether the set is one of kPlainChoices with any of kAddedChoices, or a shared one.
+// Whether the set is one of kPlainChoices with any of kAddedChoices, kChainsChoice, or a
+// shared one.
 bool IsTechniqueChoice(TechniqueSet techniques);
 
 // "techniques: auto measures ...": one line that lists the choices.

@@ -12,11 +12,13 @@ using ::testing::HasSubstr;
 
 TEST(TechniqueChoicesTest, EveryTechniqueIsListedOrAskedFor) {
   for (const TechniqueSet set : TechniqueSet::All()) {
-    const bool is_asked_for = set.Has(Technique::kLightPathsAlone) ||
-                              set.Has(Technique::kMutations) || set.Has(Technique::kChains);
-    // Frames have sharing beside no other technique.
+    const bool is_asked_for =
+        set.Has(Technique::kLightPathsAlone) || set.Has(Technique::kMutations);
+    // Frames have sharing and chains beside no other technique.
     const bool is_refused =
-        set.Has(Technique::kSharing) && set.Without(Technique::kSharing) != TechniqueSet::kCamera;
+        (set.Has(Technique::kSharing) &&
+         set.Without(Technique::kSharing) != TechniqueSet::kCamera) ||
+        (set.Has(Technique::kChains) && set.Without(Technique::kChains) != TechniqueSet::kCamera);
     EXPECT_EQ(IsTechniqueChoice(set), !is_asked_for && !is_refused) << set.Name();
   }
 }
@@ -26,7 +28,7 @@ TEST(TechniqueChoicesTest, TheTextHasAll) {
   for (const char* words :
        {" of camera, camera+light, camera+guiding, camera+light+guiding; of these with ",
         "+splitting, ", "+learned-lights, ", "+product, ", "+emission-guiding, ", "+merging where",
-        " of camera with +sharing, +sharing+views where"}) {
+        "; of camera+chains where", " of camera with +sharing, +sharing+views where"}) {
     EXPECT_THAT(text, HasSubstr(words));
   }
 }

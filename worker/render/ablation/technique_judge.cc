@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "worker/render/ablation/technique_choices.h"
+
 namespace sheaf::render {
 namespace {
 
@@ -126,6 +128,7 @@ TechniqueMeasurement TechniqueJudge::Measure() const {
   result.split = CostOf(result.BestOfPlain().With(Technique::kSplitting));
   result.learned_lights = CostOf(result.BestOfPlain().With(Technique::kLearnedLights));
   result.product = CostOf(result.BestOfPlain().With(Technique::kProduct));
+  result.chained = CostOf(kChainsChoice);
   result.emission_guided = CostOf(base.With(Technique::kEmissionGuiding));
   result.emission_guided_merged =
       CostOf(base.With(Technique::kMerging).With(Technique::kEmissionGuiding));
@@ -154,7 +157,7 @@ std::optional<TechniqueCost> TechniqueJudge::CostOf(TechniqueSet techniques) con
   const Pilot* const pilot = pilots_.Find(techniques);
   if (pilot == nullptr) return std::nullopt;
   // Light that the techniques may have missed, and that others found: the one of the same camera
-  // paths beside light paths, and the one with merging.
+  // paths beside light paths, the one with merging, and the one with chains.
   const Pilot* beside = nullptr;
   if (!HasLightPaths(techniques)) {
     const TechniqueSet guided = TechniqueSet::kCameraAndLightGuided;
@@ -162,14 +165,25 @@ std::optional<TechniqueCost> TechniqueJudge::CostOf(TechniqueSet techniques) con
     if (beside == nullptr) beside = pilots_.Find(TechniqueSet::kCameraAndLight);
   }
   const Pilot* const merger = MergesLightPaths(techniques) ? nullptr : merger_;
+  const bool has_chains = HasChains(techniques);
+  const Pilot* const chains =
+      has_chains || MergesLightPaths(techniques) ? nullptr : pilots_.Find(kChainsChoice);
   const auto variance_of = [&](size_t pixel) {
     double variance = VarianceOf(*pilot, pixel);
     const auto consider = [&](const Pilot& finder, const std::vector<double>& moments) {
       const double mean = MeanOf(finder.means[pixel]);
       variance = std::max(variance, moments[pixel] - mean * mean);
     };
-    if (beside != nullptr) consider(*beside, beside->moments);
-    if (merger != nullptr) consider(*merger, merger->merged_moments);
+    if (beside != nullptr) {
+      consider(*beside, has_chains ? beside->unchained_moments : beside->moments);
+    }
+    if (merger != nullptr) {
+      consider(*merger, has_chains ? merger->unchained_merged_moments : merger->merged_moments);
+    }
+    if (chains != nullptr) {
+      consider(*chains, HasLightPaths(techniques) ? chains->unconnected_chain_moments
+                                                  : chains->chain_moments);
+    }
     return variance;
   };
   std::vector<double> errors = RelativeErrors(squares_, variance_of);

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cmath>
 #include <initializer_list>
+#include <iterator>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -34,6 +35,7 @@ bool IsPromising(const TechniqueMeasurement& look, TechniqueEffort effort) {
                  : look.Gain(techniques) >= kTechniqueGainMin && look.LeastGain(techniques) > 1;
   };
   return promises(TechniqueSet::kCameraAndLight) || promises(TechniqueSet::kCameraGuided) ||
+         (look.chained && promises(kChainsChoice)) ||
          (look.merged && promises(TechniqueSet::kCameraAndLight.With(Technique::kMerging))) ||
          (look.learned_lights && promises(look.BestOfPlain().With(Technique::kLearnedLights))) ||
          (look.product && promises(look.BestOfPlain().With(Technique::kProduct)));
@@ -83,9 +85,13 @@ absl::Status RenderAdditions(const TechniqueMeasurement& found, PilotRenderer* r
 
 // thorough: light paths and guiding together, too, splitting where guiding pays, and guided
 // emission where light paths pay or find much that camera paths cannot.
-// may_merge: whether merging is among the choices.
-absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, bool may_merge,
-                                                   bool thorough, PilotRenderer* renderer) {
+// Merging is biased, and chains are expensive to measure: unasked, they are no
+// choices, or not always.
+absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame,
+                                                   TechniqueEffort effort, bool thorough,
+                                                   PilotRenderer* renderer) {
+  const bool may_merge = effort == TechniqueEffort::kAsked,
+             may_have_chains = may_merge || FrameSamples(frame) >= kUnaskedChainSamplesMin;
   TechniquePilots pilots;
   absl::Status status = absl::OkStatus();
   for (const TechniqueSet choice : kPlainChoices) {
@@ -97,6 +103,9 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, b
   }
   if (status.ok() && !thorough && renderer->MayChooseByProduct()) {
     status = Render({TechniqueSet{Technique::kProduct}}, renderer, &pilots);
+  }
+  if (status.ok() && may_have_chains && renderer->MayHaveChains()) {
+    status = Render({kChainsChoice}, renderer, &pilots);
   }
   if (!status.ok()) return status;
   const absl::StatusOr<bool> merges =
@@ -124,6 +133,7 @@ absl::StatusOr<TechniqueMeasurement> MeasurePilots(const FrameSettings& frame, b
 const TechniqueCost* TechniqueMeasurement::Find(TechniqueSet techniques) const {
   const auto of = [](const std::optional<TechniqueCost>& cost) { return cost ? &*cost : nullptr; };
   if (techniques.Has(Technique::kProduct)) return of(product);
+  if (HasChains(techniques)) return of(chained);
   if (LearnsLights(techniques)) return of(learned_lights);
   const bool merges = MergesLightPaths(techniques);
   if (GuidesEmission(techniques)) return of(merges ? emission_guided_merged : emission_guided);
@@ -132,6 +142,19 @@ const TechniqueCost* TechniqueMeasurement::Find(TechniqueSet techniques) const {
   if (techniques == TechniqueSet::kCamera) return &camera;
   if (techniques == TechniqueSet::kCameraGuided) return &guided;
   return IsGuided(techniques) ? of(guided_both) : &both;
+}
+
+std::vector<TechniqueSet> TechniqueMeasurement::Measured() const {
+  std::vector<TechniqueSet> all(std::begin(kPlainChoices), std::end(kPlainChoices));
+  const TechniqueSet plain_best = BestOfPlain(), merging = BaseOfLight().With(Technique::kMerging);
+  for (const Technique added :
+       {Technique::kSplitting, Technique::kLearnedLights, Technique::kProduct}) {
+    all.push_back(plain_best.With(added));
+  }
+  all.insert(all.end(), {merging, BaseOfLight().With(Technique::kEmissionGuiding),
+                         merging.With(Technique::kEmissionGuiding), kChainsChoice});
+  std::erase_if(all, [this](TechniqueSet techniques) { return Find(techniques) == nullptr; });
+  return all;
 }
 
 double TechniqueMeasurement::RatioOf(TechniqueSet over, TechniqueSet under) const {
@@ -247,6 +270,8 @@ TechniqueSet TechniqueMeasurement::Best() const {
   consider(base.With(Technique::kMerging));
   consider(base.With(Technique::kEmissionGuiding));
   consider(base.With(Technique::kMerging).With(Technique::kEmissionGuiding));
+  consider(kChainsChoice);
+  if (HasChains(best)) return best;
   // Splitting was measured beside the best of the plain ones.
   const TechniqueSet unsplit = BestOfPlain(), splitting = unsplit.With(Technique::kSplitting);
   if (split && best.HasAll(unsplit) && split->ErrorTimesCost() > 0 &&
@@ -287,8 +312,7 @@ absl::StatusOr<TechniqueMeasurement> MeasureTechniques(const SceneDescription& s
         PilotRenderer::Make(scene, settings, PilotSizeOf(settings, samples, training_fraction),
                             PilotFilter::kBox, files);
     if (!renderer.ok()) return renderer.status();
-    const bool may_merge = effort == TechniqueEffort::kAsked;  // It is biased.
-    return MeasurePilots(settings, may_merge, thorough, &*renderer);
+    return MeasurePilots(settings, effort, thorough, &*renderer);
   };
   const uint64_t look_samples =
       SamplesFor(settings, kFrameSamplesPerLookSample, kPilotSamplesMin, kLookSamplesMax);
@@ -324,6 +348,9 @@ std::string FormatTechniqueMeasurement(const TechniqueMeasurement& m) {
   if (m.split) {
     const TechniqueSet split = m.BestOfPlain().With(Technique::kSplitting);
     absl::StrAppendFormat(&text, "; %s %.2g", split.Name(), m.Gain(split));
+  }
+  if (m.chained) {
+    absl::StrAppendFormat(&text, "; %s %.2g", kChainsChoice.Name(), m.Gain(kChainsChoice));
   }
   if (m.emission_guided) {
     absl::StrAppendFormat(&text, "; guided emission is %.2g times as efficient as unguided",

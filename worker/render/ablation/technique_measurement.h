@@ -4,7 +4,8 @@
 // MeasureTechniques: whether light paths and guiding pay in a scene: renders a small image of the
 // frame by camera paths alone, with light paths, with guiding, and with both (and, where guiding
 // pays, with splitting; where light paths pay, with guided emission; where the camera sees rough
-// surfaces through smooth glass or in mirrors, with merging; where there are several lights, with
+// surfaces through smooth glass or in mirrors, with merging; where small lamps may shine through
+// smooth glass or by mirrors, with chains; where there are several lights, with
 // learned lights; where there are many and glossy surfaces, by product), and compares error times
 // cost. The cost is counted in rays, not in time, so that the answer is the same on every machine;
 // guiding also pays for its training. Source: Grittmann et al. 2022, "Efficiency-aware Multiple
@@ -13,6 +14,9 @@
 // The smallest of these images come first. Where they promise no gain, nothing more is rendered, so
 // that a frame of plain light loses little by the question. Else images follow whose samples are a
 // fraction of the frame's.
+//
+// Both the camera's and light paths may miss light that chains find: the moments that both would
+// have there are known likewise.
 //
 // Camera paths alone may miss light altogether that they find once in a million samples, and then
 // look better than they are. Light paths find it: from the densities of both, the second moment
@@ -61,6 +65,9 @@ enum class TechniqueEffort { kAsked, kUnasked };
 // images would cost more than a hundredth, with compiling the scene for them.
 inline constexpr double kUnaskedSamplesMin = 1 << 24, kSceneBytesPerSampleMax = 4;
 inline constexpr uint64_t kFrameSamplesPerUnaskedPilotSample = 512;
+// Unasked: chains cost as much as the other images of the first look together, and are measured in
+// frames of this many samples or more.
+inline constexpr double kUnaskedChainSamplesMin = 1 << 25;
 // Whether MeasureTechniques may be called unasked. scene_bytes: EstimateMemory.
 bool MayMeasureUnasked(const FrameSettings& settings, uint64_t scene_bytes);
 
@@ -98,6 +105,8 @@ struct TechniqueMeasurement {
   // BestOfPlain with choices by product: measured beside no light paths, where there are many
   // lights and glossy surfaces (kProductLightsMin); in the first look, camera paths.
   std::optional<TechniqueCost> product;
+  // Chains beside no other technique: measured where the scene has what they may connect.
+  std::optional<TechniqueCost> chained;
   // BestOfPlain where the last ones were chosen to be measured; else it follows from the costs.
   std::optional<TechniqueSet> plain;
   // Fractions of the light: found by light paths, by their weights; and found by them alone, since
@@ -133,9 +142,12 @@ struct TechniqueMeasurement {
   // measured with.
   TechniqueSet BaseOfLight() const;
 
- private:
+  // The measured sets, camera paths first.
+  std::vector<TechniqueSet> Measured() const;
   // Null where they were not measured.
   const TechniqueCost* Find(TechniqueSet techniques) const;
+
+ private:
   double RatioOf(TechniqueSet over, TechniqueSet under) const;
   // Whether they were measured, and are to be chosen rather than camera paths.
   bool Pays(TechniqueSet techniques) const;

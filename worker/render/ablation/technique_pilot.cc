@@ -6,10 +6,14 @@
 #include <cmath>
 #include <string>
 
+#include "common/scene/settings/chain_settings.h"
+#include "worker/render/ablation/technique_choices.h"
 #include "worker/render/guiding/training_size.h"
 #include "worker/render/guiding_training.h"
 #include "worker/render/light_tracer.h"
+#include "worker/render/plan/chain_shapes.h"
 #include "worker/render/plan/specular_surfaces.h"
+#include "worker/render/scene/chain_seeds.h"
 #include "worker/render/scene/compiled_scene.h"
 #include "worker/render/tile_pass.h"
 
@@ -21,6 +25,9 @@ namespace {
 // many in each pixel.
 constexpr int32_t kPilotPx = 16, kPilotPxMax = 64;
 constexpr uint64_t kPilotPixelSamples = kReplicateCount;
+
+// About the rays of all light paths that leave seeds for chains.
+constexpr double kChainSeedRays = 3.0 * kChainSeedsMax;
 
 // Sums over the passes of even and of odd replicates.
 using PilotHalves = std::array<double, 2>;
@@ -35,6 +42,8 @@ class PilotSplats : public SplatSink {
         sums_(PixelCount()),
         moments_(PixelCount()),
         merged_moments_(PixelCount()),
+        unchained_moments_(PixelCount()),
+        unchained_merged_moments_(PixelCount()),
         only_(PixelCount()),
         only_merged_(PixelCount()),
         bias_(PixelCount()) {}
@@ -54,12 +63,14 @@ class PilotSplats : public SplatSink {
     if (!Covers(raster) || !IsFinite(radiance) || !IsFinite(bias)) return;
     bias_[PixelOf(raster)][replicate_ % 2] += static_cast<double>(Luminance(bias));
     merged_moments_[PixelOf(raster)] += last_moment_;
+    if (!is_chain_) unchained_merged_moments_[PixelOf(raster)] += last_moment_;
     if (is_only_) {
       only_merged_[PixelOf(raster)][replicate_ % 2] += static_cast<double>(Luminance(radiance));
     }
   }
-  void AddMoment(Vec2d raster, const Rgb& unweighted, double weight,
-                 double camera_density) override {
+  void AddMoment(Vec2d raster, const Rgb& unweighted, double weight, double camera_density,
+                 uint32_t interfaces) override {
+    is_chain_ = interfaces > 0 && interfaces <= kChainInterfacesMax;
     is_only_ = !(camera_density > 0);
     last_moment_ = 0;
     if (!Covers(raster) || !IsFinite(unweighted)) return;
@@ -67,6 +78,7 @@ class PilotSplats : public SplatSink {
     if (camera_density > 0) {
       last_moment_ = weight * value * value / camera_density;
       moments_[PixelOf(raster)] += last_moment_;
+      if (!is_chain_) unchained_moments_[PixelOf(raster)] += last_moment_;
     } else {
       only_[PixelOf(raster)][replicate_ % 2] += value;
     }
@@ -85,6 +97,9 @@ class PilotSplats : public SplatSink {
   // The sum over all passes of the second moment that a camera sample has by the light that light
   // paths find, as far as their weight goes.
   double MomentAt(size_t pixel) const { return moments_[pixel]; }
+  // The same of the light that chains do not find.
+  double UnchainedMomentAt(size_t pixel) const { return unchained_moments_[pixel]; }
+  double UnchainedMergedMomentAt(size_t pixel) const { return unchained_merged_moments_[pixel]; }
   // The sums of the light that camera paths cannot find, over the passes of even and of odd
   // replicates.
   const PilotHalves& OnlyAt(size_t pixel) const { return only_[pixel]; }
@@ -102,8 +117,9 @@ class PilotSplats : public SplatSink {
   int32_t width_px_, height_px_;
   uint32_t replicate_ = 0;
   std::vector<PilotReplicates> sums_;
-  std::vector<double> moments_, merged_moments_;
-  bool is_only_ = false;  // Camera paths cannot find the last splat.
+  std::vector<double> moments_, merged_moments_, unchained_moments_, unchained_merged_moments_;
+  bool is_only_ = false;   // Camera paths cannot find the last splat.
+  bool is_chain_ = false;  // Chains find it.
   double last_moment_ = 0;
   std::vector<PilotHalves> only_, only_merged_, bias_;
 };
@@ -133,24 +149,53 @@ double RayCostOf(TechniqueSet techniques) {
   return of_product * (LearnsLights(techniques) ? kLearnedLightsRayCost : 1);
 }
 
-absl::Status RenderCameraPaths(const CompiledScene& scene, Pilot* pilot) {
-  RenderStats stats;
-  const FrameSettings& settings = scene.settings;
+absl::Status RenderCameraTile(const CompiledScene& scene, PixelRect tile, Pilot* pilot,
+                              RenderStats* stats) {
   const absl::StatusOr<FilmTile> film =
-      RenderTilePass(scene, settings.window, {0, settings.samples}, {}, &stats);
+      RenderTilePass(scene, tile, {0, scene.settings.samples}, {}, stats);
   if (!film.ok()) return film.status();
-  const double ray_cost = RayCostOf(settings.techniques);
-  pilot->cost_rays +=
-      ray_cost * static_cast<double>(stats.rays) / static_cast<double>(stats.samples);
-  pilot->means.resize(film->plane_size());
-  for (size_t pixel = 0; pixel < pilot->means.size(); ++pixel) {
+  for (size_t pixel = 0; pixel < film->plane_size(); ++pixel) {
+    PilotReplicates& means = pilot->means.emplace_back();
     for (uint32_t r = 0; r < kReplicateCount; ++r) {
       const Rgb sum{film->replicate(r, 0)[pixel], film->replicate(r, 1)[pixel],
                     film->replicate(r, 2)[pixel]};
       const auto weight = static_cast<double>(film->replicate(r, 3)[pixel]);
-      pilot->means[pixel][r] = weight > 0 ? static_cast<double>(Luminance(sum)) / weight : 0;
+      means[r] = weight > 0 ? static_cast<double>(Luminance(sum)) / weight : 0;
     }
   }
+  return absl::OkStatus();
+}
+
+absl::Status RenderCameraPaths(const CompiledScene& scene, Pilot* pilot) {
+  RenderStats stats;
+  if (absl::Status status = RenderCameraTile(scene, scene.settings.window, pilot, &stats);
+      !status.ok()) {
+    return status;
+  }
+  pilot->cost_rays += RayCostOf(scene.settings.techniques) * static_cast<double>(stats.rays) /
+                      static_cast<double>(stats.samples);
+  return absl::OkStatus();
+}
+
+// Statistics tell the moments of a pixel, so that each is a tile.
+absl::Status RenderChains(const CompiledScene& scene, Pilot* pilot) {
+  const PixelRect window = scene.settings.window;
+  double rays = 0, samples = 0;
+  for (int32_t y = window.y0; y < window.y1; ++y) {
+    for (int32_t x = window.x0; x < window.x1; ++x) {
+      RenderStats stats;
+      if (absl::Status status = RenderCameraTile(scene, {x, y, x + 1, y + 1}, pilot, &stats);
+          !status.ok()) {
+        return status;
+      }
+      const auto of_pixel = static_cast<double>(stats.samples);
+      rays += static_cast<double>(stats.rays);
+      samples += of_pixel;
+      pilot->chain_moments.push_back(stats.chain_moment / of_pixel);
+      pilot->unconnected_chain_moments.push_back(stats.unconnected_chain_moment / of_pixel);
+    }
+  }
+  pilot->cost_rays += kChainsRayCost * rays / samples;
   return absl::OkStatus();
 }
 
@@ -175,6 +220,7 @@ void NoteMerges(const PilotSplats& splats, const FrameSettings& frame,
   const double scale = BiasScale(frame, settings);
   for (size_t pixel = 0; pixel < pilot->means.size(); ++pixel) {
     pilot->merged_moments.push_back(splats.MergedMomentAt(pixel) / passes);
+    pilot->unchained_merged_moments.push_back(splats.UnchainedMergedMomentAt(pixel) / passes);
     const auto square = [&](const PilotHalves& halves) {
       return halves[0] * halves[1] / (passes * passes / 4);
     };
@@ -197,6 +243,7 @@ void TraceLightPaths(const CompiledScene& scene, const FrameSettings& frame, Pil
   pilot->missing_squares.resize(pixels);
   for (size_t pixel = 0; pixel < pixels; ++pixel) {
     pilot->moments[pixel] = splats.MomentAt(pixel) / passes;
+    pilot->unchained_moments.push_back(splats.UnchainedMomentAt(pixel) / passes);
     const auto [even, odd] = splats.OnlyAt(pixel);
     pilot->missing_squares[pixel] = even * odd / (passes * passes / 4);
     pilot->only_light += (even + odd) * kReplicateCount / passes;
@@ -242,10 +289,15 @@ absl::StatusOr<PilotRenderer> PilotRenderer::Make(SceneDescription scene,
     scene.filter.radius_x_px = scene.filter.radius_y_px = 0.5f;
   }
   const bool has_glossy_surfaces = MayHaveGlossySurfaces(scene);
+  FrameSettings chained = frame;
+  chained.techniques = kChainsChoice;
+  const ChainShapes shapes = CheckChains(chained).ok() ? FindChainShapes(scene) : ChainShapes{};
+  const bool may_have_chains = !shapes.casters.empty() && !shapes.lamps.empty();
   absl::StatusOr<ChangeableScenePtr> compiled =
       CompileChangeableScene(std::move(scene), PilotSettings(frame, size), files);
   if (!compiled.ok()) return compiled.status();
-  return PilotRenderer(*std::move(compiled), frame, size.training, has_glossy_surfaces);
+  return PilotRenderer(*std::move(compiled), frame, size.training, has_glossy_surfaces,
+                       may_have_chains);
 }
 
 absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
@@ -254,7 +306,11 @@ absl::StatusOr<Pilot> PilotRenderer::Render(TechniqueSet techniques) {
   if (NeedsTraining(techniques)) {
     if (absl::Status trained = Train(&pilot); !trained.ok()) return trained;
   }
-  if (absl::Status rendered = RenderCameraPaths(*scene_, &pilot); !rendered.ok()) return rendered;
+  const absl::Status rendered =
+      HasChains(techniques) ? RenderChains(*scene_, &pilot) : RenderCameraPaths(*scene_, &pilot);
+  if (!rendered.ok()) return rendered;
+  // Their seeds are traced once in a frame.
+  if (HasChains(techniques)) pilot.cost_rays += kChainSeedRays / FrameSamples(frame_);
   if (HasLightPaths(techniques)) TraceLightPaths(*scene_, frame_, &pilot);
   return pilot;
 }
@@ -266,6 +322,8 @@ bool PilotRenderer::ChoosesLights() const {
 bool PilotRenderer::MayChooseByProduct() const {
   return has_glossy_surfaces_ && scene_->lights->light_count() > kProductLightsMin;
 }
+
+bool PilotRenderer::MayHaveChains() const { return may_have_chains_; }
 
 absl::StatusOr<bool> PilotRenderer::SeesThroughSpecular() {
   const TechniqueSet merging{Technique::kLightPaths, Technique::kMerging};

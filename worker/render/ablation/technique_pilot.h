@@ -27,6 +27,8 @@ namespace sheaf::render {
 inline constexpr double kLightRayCost = 1.5, kGuidedRayCost = 1.3, kLearnedLightsRayCost = 1.1;
 // The same for paths that choose lights by product, with the sketches of their vertices.
 inline constexpr double kProductRayCost = 1.1;
+// The same for chains, with their walks, in two scenes.
+inline constexpr double kChainsRayCost = 1.8;
 // The same for paths that count in several pixels: with equal rays, nine scenes took 1.1 to 1.5
 // times the CPU time (docs/sharing.md).
 inline constexpr double kSharingRayCost = 1.35;
@@ -73,6 +75,12 @@ struct Pilot {
   // Moments and missing squares of the light that merges find: moments of all of it, squares of
   // what camera paths cannot find; and the squared bias of merging, in the frame. With merging.
   std::vector<double> merged_moments, merged_missing_squares, bias_squares;
+  // The parts of `moments` and `merged_moments` that chains do not find; with light paths, with
+  // merging.
+  std::vector<double> unchained_moments, unchained_merged_moments;
+  // The second moment that scattering would have by the light that chains find; and by the part of
+  // it that light paths do not find. With chains.
+  std::vector<double> chain_moments, unconnected_chain_moments;
   // Sums over the pixels, with light paths: of the light that they find, by their weights; and of
   // the light that camera paths cannot find.
   double light = 0, only_light = 0;
@@ -90,6 +98,8 @@ class PilotRenderer {
   bool ChoosesLights() const;
   // Whether it has more than kProductLightsMin, and glossy surfaces.
   bool MayChooseByProduct() const;
+  // Whether chains may connect smooth surfaces of it with lamps, in a frame of such settings.
+  bool MayHaveChains() const;
   // Errors: as SetTechniques and RenderTilePass.
   absl::StatusOr<Pilot> Render(TechniqueSet techniques);
   // Whether light paths can be merged with camera paths of the image: some see a rough surface
@@ -98,17 +108,18 @@ class PilotRenderer {
 
  private:
   PilotRenderer(ChangeableScenePtr scene, const FrameSettings& frame, const TrainingPaths& training,
-                bool has_glossy_surfaces)
+                bool has_glossy_surfaces, bool may_have_chains)
       : scene_(std::move(scene)),
         frame_(frame),
         training_(training),
-        has_glossy_surfaces_(has_glossy_surfaces) {}
+        has_glossy_surfaces_(has_glossy_surfaces),
+        may_have_chains_(may_have_chains) {}
   absl::Status Train(Pilot* pilot);
 
   ChangeableScenePtr scene_;
   FrameSettings frame_;
   TrainingPaths training_;
-  bool has_glossy_surfaces_;
+  bool has_glossy_surfaces_, may_have_chains_;
 };
 
 }  // namespace sheaf::render

@@ -19,8 +19,6 @@
 
 namespace sheaf::render {
 
-inline constexpr uint32_t kChainInterfacesMax = 4;
-
 // A chain up to its last interface.
 struct Chain {
   ChainType type{};
@@ -30,6 +28,7 @@ struct Chain {
   std::array<Vec3d, 2> first_dp{};
   Vec3d last_normal{};  // The surface's, unit.
   int32_t first_shape = kNone;
+  double probability = 1;  // With which scattering chooses the events of its interfaces.
 };
 
 // Whether a vertex whose BSDF is known may be an interface of a chain, for a path that arrives as
@@ -138,11 +137,13 @@ bool PassInterface(const Context<C>& c, const SurfaceVertex<C>& at, const RawHit
                                    NormalDerivative(world, hit, p, n, ray.dp[1])};
   if (event == ChainEvent::kReflect) {
     ray.Reflect(n, dn);
+    chain->probability *= static_cast<double>(reflectance);
     path->throughput *= is_metal
                             ? FresnelConductor(cos_i, at.bsdf.conductor_eta, at.bsdf.conductor_k)
                             : C::Color::Gray(reflectance);
   } else {
     if (!ray.Refract(n, dn, static_cast<double>(eta))) return false;
+    chain->probability *= static_cast<double>(1 - reflectance);
     path->throughput *= (1 - reflectance) / (eta * eta);
   }
   if (!IsDirection(ray.d)) return false;

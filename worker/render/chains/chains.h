@@ -40,18 +40,33 @@ inline constexpr double kSeekMin = 0.1, kSeekIndirect = 0.25;
 // most of the trials.
 inline constexpr double kFaintPart = 0.01, kKeepMin = 1.0 / 32;
 
-// The light of the lamp's point that comes along the chain, and that the vertex scatters back along
-// the path, over the pdf of the point; black where something hides it. *kind: of that light. *part:
-// the throughput of the path and the chain, times the ratio of its geometry term to that of the
-// straight line.
+// In the image.
 template <typename C>
-typename C::Color LightAlong(const Context<C>& c, const SurfaceVertex<C>& vertex,
-                             const Chain& chain, const ChainTable::LampPoint& lamp,
-                             std::array<float, 2> u, PathState<C> path, LightPathKind* kind,
-                             double* part) {
+double SeenLuminance(const Context<C>& c, const typename C::Color& radiance,
+                     const PathState<C>& path) {
+  return static_cast<double>(Luminance(c.scene.film.Of(radiance, path.wavelengths)));
+}
+
+template <typename Color>
+struct ChainLight {
+  // The light of a lamp's point that comes along a chain, and that the vertex scatters back along
+  // the path, over the pdf of the point; black where something hides it.
+  Color radiance;
+  LightPathKind kind{};
+  // The throughput of the path and the chain, times the ratio of its geometry term to that of the
+  // straight line.
+  double part = 0;
+  // The luminance of a sample that scattering leads along the chain.
+  double scattered = 0;
+};
+
+template <typename C>
+ChainLight<typename C::Color> LightAlong(const Context<C>& c, const SurfaceVertex<C>& vertex,
+                                         const Chain& chain, const ChainTable::LampPoint& lamp,
+                                         std::array<float, 2> u, PathState<C> path) {
   using Color = typename C::Color;
-  const Color f_cos = vertex.Eval(ToFloat(chain.w)).f_cos;
-  if (f_cos.IsBlack()) return {};
+  const BsdfValueOf<Color> bsdf = vertex.Eval(ToFloat(chain.w));
+  if (bsdf.f_cos.IsBlack()) return {};
   Chain traced;
   if (!TraceChain(c, vertex, chain.w, chain.type, &u, &path, &traced)) return {};
   const std::optional<ChainMiss> miss = MissOf(traced.ray, lamp.p, traced.ray.d);
@@ -69,10 +84,15 @@ typename C::Color LightAlong(const Context<C>& c, const SurfaceVertex<C>& vertex
       lamp.emitter, n, -path.ray.d, point.uv, path.wavelengths);
   const double cosine = std::fabs(Dot(traced.ray.d, ToDouble(n)));
   const double scale = cosine / (std::fabs(miss->determinant) * lamp.pdf);
-  *kind = path.history.KindAtHit();
-  *part = static_cast<double>(MaxComponent(path.throughput)) *
-          LengthSquared(lamp.p - ToDouble(vertex.point.p)) / std::fabs(miss->determinant);
-  return path.throughput * f_cos * radiance * static_cast<float>(scale);
+  ChainLight<Color> light;
+  light.kind = path.history.KindAtHit();
+  light.part = static_cast<double>(MaxComponent(path.throughput)) *
+               LengthSquared(lamp.p - ToDouble(vertex.point.p)) / std::fabs(miss->determinant);
+  const Color arriving = path.throughput * bsdf.f_cos * radiance;
+  light.radiance = arriving * static_cast<float>(scale);
+  const double pdf = static_cast<double>(bsdf.pdf) * traced.probability;
+  if (pdf > 0) light.scattered = SeenLuminance(c, arriving, path) / pdf;
+  return light;
 }
 
 template <typename C, typename Vertex>
@@ -98,19 +118,21 @@ void SampleChain(const Context<C>& c, const Vertex& vertex, PathState<C>* path) 
                         seeds == nullptr ? nullptr : seeds->Of(chosen->caster));
   const std::optional<Chain> found = search.Draw(&events);
   if (!found) return;
-  LightPathKind kind{};
-  double part = 0;
-  const typename C::Color light =
-      LightAlong(c, vertex, *found, lamp, {key[0], key[1]}, *path, &kind, &part);
-  if (light.IsBlack()) return;
-  const double keep = std::clamp(part / kFaintPart, kKeepMin, 1.0);
+  const ChainLight<typename C::Color> light =
+      LightAlong(c, vertex, *found, lamp, {key[0], key[1]}, *path);
+  if (light.radiance.IsBlack()) return;
+  const double keep = std::clamp(light.part / kFaintPart, kKeepMin, 1.0);
   if (!(events.Uniform() < keep)) return;
   ++c.counts.chains;
   for (uint32_t trials = 1; trials <= kChainTrialsMax; ++trials) {
     ++c.counts.chain_trials;
     if (!search.DrawsAgain(*found, &events)) continue;
     const double scale = trials / (chosen->probability * seek * keep);
-    AddLight(c, lamp.emitter, kind, light * static_cast<float>(scale), path);
+    const typename C::Color radiance = light.radiance * static_cast<float>(scale);
+    AddLight(c, lamp.emitter, light.kind, radiance, path);
+    const double moment = SeenLuminance(c, radiance, *path) * light.scattered;
+    c.counts.chain_moment += moment;
+    if (!path->chain.is_scattered && path->depth > 1) c.counts.unconnected_chain_moment += moment;
     return;
   }
   ++c.counts.capped_chains;
@@ -128,12 +150,12 @@ void NoteChainScattering(const Context<C>& c, const Vertex& vertex, uint8_t flag
                          PathState<C>* path) {
   ChainState& chain = path->chain;
   if ((flags & kBsdfSpecular) == 0) {
-    chain = {.is_open = !vertex.in_subsurface};
+    chain = {.is_open = !vertex.in_subsurface, .is_scattered = true};
   } else if (chain.is_open && (flags & kBsdfRotated) == 0 && IsInterface(c, vertex) &&
              chain.interfaces < kChainInterfacesMax) {
     ++chain.interfaces;
   } else {
-    chain = {};
+    chain.Close();
   }
 }
 

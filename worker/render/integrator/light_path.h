@@ -93,7 +93,8 @@ void ConnectToCamera(const Context<C>& c, const Vertex& vertex, const PathState<
       c.scene.film.Of(path.throughput * value.f_cos * transmittance * factor, path.wavelengths);
   const auto per_pass = static_cast<float>(1 / c.scene.light_paths_per_pass);
   if (splats->wants_moments()) {
-    splats->AddMoment(seen->film, unweighted * per_pass, static_cast<double>(weight), camera_paths);
+    splats->AddMoment(seen->film, unweighted * per_pass, static_cast<double>(weight), camera_paths,
+                      InterfacesOfChain(path.other_end));
   }
   Rgb radiance = unweighted * weight;
   c.scene.film.Clamp(&radiance, &weight);

@@ -214,7 +214,7 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   if (path->throughput.IsBlack()) return false;
   const uint8_t flags = path->media.properties.is_hidden ? uint8_t{kBsdfSpecular} : uint8_t{0};
   NoteScattering(c, *this, sample.w, sample.pdf, flags, 1, path);
-  if constexpr (C::kChains) path->chain = {};
+  if constexpr (C::kChains) path->chain = {.is_scattered = true};
   path->specular = path->media.properties.is_hidden;
   path->history.AddMedium(path->media.properties.is_subsurface);
   path->pdf = sample.pdf;

@@ -102,7 +102,7 @@ void MergeWith(const Context<C>& c, const SurfaceVertex<C>& vertex, const PathSt
   float weight = ConnectionWeight(c, camera_paths);
   if (splats->wants_moments()) {
     splats->AddMoment({stored.x + 0.5, stored.y + 0.5}, unweighted, static_cast<double>(weight),
-                      camera_paths);
+                      camera_paths, InterfacesOfChain(path.other_end));
   }
   Rgb radiance = unweighted * weight;
   c.scene.film.Clamp(&radiance, &weight);

@@ -202,7 +202,7 @@ bool CrossNullInterface(const Context<C>& c, const SurfacePoint& point, PathStat
     // Chains pass only through surfaces that never scatter there.
     const Surface& surface = *point.surface;
     const bool is_hidden = C::kNested && surface.rank != kNoRank;
-    if (surface.has_alpha || (surface.may_pass && !is_hidden)) path->chain = {};
+    if (surface.has_alpha || (surface.may_pass && !is_hidden)) path->chain.Close();
   }
   if constexpr (C::kMedia) {
     if (!CrossBoundary(c, point, path->ray.d, *path, &path->media)) return false;

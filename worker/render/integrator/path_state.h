@@ -114,6 +114,9 @@ struct LightEnd {
   double emitted = 0, sampled = 0;
   RunningDensity<PathEnd::kLight> camera_paths;  // The camera's techniques together.
   bool is_first = true, is_specular_first = false;
+  // Specular vertices before the first other one: with an area light, chains may find the path.
+  uint32_t interfaces = 0;
+  bool is_scattered = false;  // By a vertex that is not specular.
   // The densities of the camera's techniques at the first vertex depend on the vertices after it,
   // and are no part of camera_paths.
   bool is_open = false;
@@ -132,6 +135,14 @@ struct ChainState {
   // Every vertex since the last rough one, which is on a surface, is an interface of a chain.
   bool is_open = false;
   uint8_t interfaces = 0;  // Their number.
+  // A vertex was not specular.
+  bool is_scattered = false;
+
+  // Chains do not find what the path's ray hits.
+  void Close() {
+    is_open = false;
+    interfaces = 0;
+  }
 };
 
 // The state of paths in guided frames.

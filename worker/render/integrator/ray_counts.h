@@ -33,6 +33,9 @@ struct RayCounts {
   // probability; and those that were dropped at kChainTrialsMax, which darkens the image.
   uint64_t chains = 0, chain_trials = 0, capped_chains = 0;
   uint32_t capped_shape = ~0u;  // The first shape whose light was dropped; ~0u if none.
+  // Sums over the samples: the second moment that scattering would have by the light that chains
+  // find; and the part of it at vertices that light paths cannot be connected with the camera.
+  double chain_moment = 0, unconnected_chain_moment = 0;
 
   // Adds the counts of further rays, traced with the same settings.
   void Add(const RayCounts& others) {
@@ -48,6 +51,8 @@ struct RayCounts {
     chain_trials += others.chain_trials;
     capped_chains += others.capped_chains;
     capped_shape = std::min(capped_shape, others.capped_shape);
+    chain_moment += others.chain_moment;
+    unconnected_chain_moment += others.unconnected_chain_moment;
   }
 };
 

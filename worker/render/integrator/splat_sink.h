@@ -30,9 +30,10 @@ class SplatSink {
   virtual void AddMerged(int32_t x, int32_t y, const Rgb& radiance, const Rgb& bias,
                          LightPathKind kind, uint32_t group) = 0;
   // The same splat's radiance before the weight, and the density with which the camera's paths find
-  // it while each pixel sends one, over that of a pass of light paths.
+  // it while each pixel sends one, over that of a pass of light paths. interfaces:
+  // InterfacesOfChain.
   virtual void AddMoment(Vec2d /*raster*/, const Rgb& /*unweighted*/, double /*weight*/,
-                         double /*camera_density*/) {}
+                         double /*camera_density*/, uint32_t /*interfaces*/) {}
 
   bool wants_moments() const { return wants_moments_; }
 

@@ -327,6 +327,14 @@ inline void NoteScatteringFromLight(StepDensities step, bool is_specular, LightE
   }
   end->camera_paths.Add(step);
   end->is_first = false;
+  end->is_scattered = end->is_scattered || !is_specular;
+  if (!end->is_scattered) ++end->interfaces;
+}
+
+// Those of a path that chains may find; 0: they do not.
+inline uint32_t InterfacesOfChain(const LightEnd& end) {
+  const bool is_area = end.can_be_hit && !end.is_infinite && !end.is_medium;
+  return is_area ? end.interfaces : 0;
 }
 
 // A camera path comes to the first vertex out of a walk beneath its surface, and takes one light

@@ -19,6 +19,7 @@ namespace sheaf::render {
 
 // Light paths that are traced for the seeds of a scene; each gives one seed at most.
 inline constexpr uint32_t kChainSeedsMax = 1u << 16;
+inline constexpr uint32_t kChainInterfacesMax = 4;
 
 // The light is refracted at the interfaces whose bit is set, and reflected at the others.
 struct ChainType {

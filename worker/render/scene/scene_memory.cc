@@ -5,6 +5,7 @@
 #include <variant>
 
 #include "common/base/vector_bytes.h"
+#include "worker/render/scene/chain_table.h"
 #include "worker/render/scene/compiled_scene.h"
 
 namespace sheaf::render {
@@ -65,10 +66,12 @@ SceneMemory MemoryOf(const CompiledScene& scene) {
   memory.tracer_bytes = scene.tracer->memory_bytes();
   memory.material_bytes = scene.materials->memory_bytes();
   memory.texture_bytes = scene.materials->texture_bytes();
+  const ChainSeeds* const seeds = scene.chains ? scene.chains->seeds() : nullptr;
   memory.environment_bytes = scene.lights->environment_bytes();
   memory.light_bytes = scene.lights->memory_bytes() - memory.environment_bytes +
                        (scene.emission ? scene.emission->memory_bytes() : 0) +
-                       (scene.emission_points ? scene.emission_points->memory_bytes() : 0);
+                       (scene.emission_points ? scene.emission_points->memory_bytes() : 0) +
+                       (seeds != nullptr ? seeds->memory_bytes() : 0);
   memory.volume_bytes = scene.media ? scene.media->memory_bytes() : 0;
   memory.page_bytes = scene.media ? scene.media->page_bytes() : 0;
   memory.guiding_bytes = FieldBytes(scene);
