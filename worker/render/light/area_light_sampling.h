@@ -25,66 +25,71 @@ inline float PdfSolidAngle(double shape_pdf, float probability) {
   return static_cast<float>(shape_pdf) * probability;
 }
 
-// Makes a sample whose pdf is not set.
+// Sets a new sample but for its pdf.
+template <typename Color>
+void SetAreaSample(const ShapePoint& point, const Color& radiance, LightSampleOf<Color>* sample) {
+  sample->wi = ToFloat(point.wi);
+  sample->p_light = ToFloat(point.p);
+  sample->p_light_error = RoundingErrorOf(sample->p_light);
+  sample->n_light = ToFloat(point.n);
+  sample->radiance = radiance;
+}
 template <typename Color>
 LightSampleOf<Color> AreaSample(const ShapePoint& point, const Color& radiance) {
   LightSampleOf<Color> sample;
-  sample.wi = ToFloat(point.wi);
-  sample.p_light = ToFloat(point.p);
-  sample.p_light_error = RoundingErrorOf(sample.p_light);
-  sample.n_light = ToFloat(point.n);
-  sample.radiance = radiance;
+  SetAreaSample(point, radiance, &sample);
   return sample;
 }
 
 inline DiskShapeView ViewEmitter(const DiskEmitter& disk, Vec3f p) {
   return ViewDisk(disk.center, disk.normal, disk.axis_x, disk.radius, disk.inner_radius, p);
 }
-inline TriangleView ViewEmitter(const TriangleEmitter& t, Vec3f p) {
+[[gnu::always_inline]] inline TriangleView ViewEmitter(const TriangleEmitter& t, Vec3f p) {
   return ViewTriangle(t.v0, t.v1, t.v2, p);
 }
 // A point on the sphere counts as inside if the sphere emits inwards: there the whole wall
 // illuminates it, while no part of a sphere illuminates its own outside.
-inline SphereView ViewEmitter(const SphereEmitter& s, Vec3f p) {
+[[gnu::always_inline]] inline SphereView ViewEmitter(const SphereEmitter& s, Vec3f p) {
   return ViewSphere(s.center, s.radius, s.inward || s.two_sided, p);
 }
 
+// Sets *out to a sample of the emitter, if p sees it. In place: a copy of a sample waits for the
+// stores that made it. Requires: *out is empty.
 template <typename Color>
-std::optional<LightSampleOf<Color>> SampleEmitter(const TriangleEmitter& t, const Color& radiance,
-                                                  float probability, Vec3f p, Vec2f u) {
+void SampleEmitter(const TriangleEmitter& t, const Color& radiance, float probability, Vec3f p,
+                   Vec2f u, std::optional<LightSampleOf<Color>>* out) {
   const TriangleView view = ViewEmitter(t, p);
-  if (!view.visible || !(view.front() || t.two_sided)) return std::nullopt;
-  const ShapePoint point = SampleTriangle(view, t.v0, p, u);
-  LightSampleOf<Color> sample = AreaSample(point, radiance);
+  if (!view.visible || !(view.front() || t.two_sided)) return;
+  LightSampleOf<Color>& sample = out->emplace();
+  SetAreaSample(SampleTriangle(view, t.v0, p, u), radiance, &sample);
   sample.pdf = PdfSolidAngle(PdfTriangle(view, p, sample.p_light), probability);
-  return sample;
 }
 
 template <typename Color>
-std::optional<LightSampleOf<Color>> SampleEmitter(const SphereEmitter& s, const Color& radiance,
-                                                  float probability, Vec3f p, Vec2f u) {
+void SampleEmitter(const SphereEmitter& s, const Color& radiance, float probability, Vec3f p,
+                   Vec2f u, std::optional<LightSampleOf<Color>>* out) {
   const SphereView view = ViewEmitter(s, p);
-  if (!view.visible || !(s.two_sided || view.inside == s.inward)) return std::nullopt;
+  if (!view.visible || !(s.two_sided || view.inside == s.inward)) return;
   const ShapePoint point = SampleSphere(view, s.center, s.radius, u);
   // If p is on a two-sided sphere, samples must be farther than the rounding error.
   const double distance = Dot(point.p - ToDouble(p), point.wi);
-  if (s.two_sided && view.inside && !(distance > view.error)) return std::nullopt;
-  LightSampleOf<Color> sample = AreaSample(point, radiance);
+  if (s.two_sided && view.inside && !(distance > view.error)) return;
+  LightSampleOf<Color>& sample = out->emplace();
+  SetAreaSample(point, radiance, &sample);
   sample.pdf = PdfSolidAngle(view.pdf, probability);
-  return sample;
 }
 
 template <typename Color>
-std::optional<LightSampleOf<Color>> SampleEmitter(const DiskEmitter& d, const Color& radiance,
-                                                  float probability, Vec3f p, Vec2f u) {
+void SampleEmitter(const DiskEmitter& d, const Color& radiance, float probability, Vec3f p, Vec2f u,
+                   std::optional<LightSampleOf<Color>>* out) {
   const DiskShapeView view = ViewEmitter(d, p);
-  if (!view.visible || !(view.front() || d.two_sided)) return std::nullopt;
+  if (!view.visible || !(view.front() || d.two_sided)) return;
   bool hit = false;
   const ShapePoint point = SampleDisk(view, p, u, &hit);
-  if (!hit) return std::nullopt;
-  LightSampleOf<Color> sample = AreaSample(point, radiance);
+  if (!hit) return;
+  LightSampleOf<Color>& sample = out->emplace();
+  SetAreaSample(point, radiance, &sample);
   sample.pdf = PdfSolidAngle(PdfDisk(view, p, sample.wi, sample.p_light), probability);
-  return sample;
 }
 
 // Texture coordinates at a point of an emitter.

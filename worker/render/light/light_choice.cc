@@ -266,8 +266,11 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
   }
   if (count_ == 1) return ChosenLight{0, 1};
   if (uses_tree_) {
-    const double infinite_probability = InfiniteProbability(p, n, row);
     const double x = ExtendBits(u, salt);
+    if (infinite_lights_.empty()) {
+      return tree_.empty() ? std::nullopt : tree_.Choose(p, n, std::min(x, kBelowOne), row);
+    }
+    const double infinite_probability = InfiniteProbability(p, n, row);
     if (x < infinite_probability) {
       const size_t rank = infinite_.Sample(std::min(x / infinite_probability, kBelowOne));
       return ChosenLight{infinite_lights_[rank], ProbabilityInfinite(rank, infinite_probability)};
@@ -280,17 +283,19 @@ std::optional<ChosenLight> LightChoice::Choose(Vec3f p, Vec3f n, float u, uint64
     return chosen;
   }
   const Weights w = Weigh(p, n, row);
-  std::optional<ChosenLight> chosen;
   // Where rounding leaves the sum below u, the last light of positive probability is chosen.
-  float begin = 0;
+  size_t chosen = 0;
+  float chosen_probability = 0, begin = 0;
   for (size_t i = 0; i < count_; ++i) {
     const float probability = w.Probability(i);
     if (!(probability > 0)) continue;
-    chosen = ChosenLight{static_cast<uint32_t>(i), probability};
+    chosen = i;
+    chosen_probability = probability;
     begin += probability;
     if (u < begin) break;
   }
-  return chosen;
+  if (!(chosen_probability > 0)) return std::nullopt;
+  return ChosenLight{static_cast<uint32_t>(chosen), chosen_probability};
 }
 
 template <typename Row>

@@ -55,6 +55,15 @@ Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, V
   return RadianceAt<Color>(impl, light, PlaceOf(light, d), wavelengths);
 }
 
+// The pdf of the point, per solid angle at p. Not inline: every set of light traits has a call.
+[[gnu::noinline]] double PdfOnTriangle(const TriangleEmitter& t, Vec3f p, Vec3f p_light) {
+  return PdfTriangle(ViewEmitter(t, p), p, p_light);
+}
+[[gnu::noinline]] double PdfOnSphere(const SphereEmitter& s, Vec3f p) {
+  const SphereView view = ViewEmitter(s, p);
+  return view.visible ? view.pdf : 0;
+}
+
 // The pdf of the direction, per solid angle.
 double PdfAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
   return light.map ? static_cast<double>(light.map->Pdf(place)) : 1 / (4 * kPi);
@@ -127,10 +136,10 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     [[maybe_unused]] LightQueryOf<kMask> query) {
   using Color = ColorOf<kMask>;
   const uint32_t light = chosen.light;
-  std::optional<LightSampleOf<Color>> sample;
+  std::optional<LightSampleOf<Color>> sample;  // Returned everywhere, so that it is not copied.
   const auto sample_area = [&](const auto& emitter) {
     const Color radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
-    sample = SampleEmitter(emitter, radiance, chosen.probability, p, u);
+    SampleEmitter(emitter, radiance, chosen.probability, p, u, &sample);
     if constexpr (Has(kMask, Trait::kTexturedEmission)) {
       if (sample) AddDetail<Color>(impl, light, wavelengths, &*sample);
     }
@@ -161,7 +170,10 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     float portal_pdf = 0;
     if (infinite.portal) {
       const SkyPortal::Sample through = infinite.portal->SampleFrom(p, u);
-      if (!(through.pdf > 0)) return std::nullopt;
+      if (!(through.pdf > 0)) {
+        sample.reset();
+        return sample;
+      }
       portal_pdf = through.pdf;
       sample->wi = through.d;
       place = PlaceOf(infinite, through.d);
@@ -171,7 +183,11 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     } else {
       sample->wi = UniformDirection(u);
     }
-    if (Dot(sample->wi, n) < 0) return std::nullopt;  // Before the load of the radiance completes.
+    // Before the load of the radiance completes.
+    if (Dot(sample->wi, n) < 0) {
+      sample.reset();
+      return sample;
+    }
     if (impl.HasOnlyOneMap()) {
       sample->radiance = RadianceAt<Color>(impl, infinite, place, wavelengths);
       sample->pdf = preparation.sky.pdf;
@@ -183,10 +199,12 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     }
     sample->is_infinite = true;
   }
-  if (sample) sample->light = light;
-  const bool usable = sample && IsUsablePdf(sample->pdf) && IsFinite(sample->radiance) &&
-                      !sample->radiance.IsBlack();
-  return usable ? sample : std::nullopt;
+  if (!sample) return sample;
+  sample->light = light;
+  const bool usable =
+      IsUsablePdf(sample->pdf) && IsFinite(sample->radiance) && !sample->radiance.IsBlack();
+  if (!usable) sample.reset();
+  return sample;
 }
 
 template <TraitBits kMask>
@@ -195,11 +213,10 @@ float LightTable::PdfOfEmitter(const Impl& impl, uint32_t emitter, Vec3f p, Vec3
   double shape_pdf = 0;
   if constexpr (Has(kMask, Trait::kAreaLights)) {
     if (emitter < impl.first_sphere()) {
-      shape_pdf = PdfTriangle(ViewEmitter(impl.triangles[emitter], p), p, p_light);
+      shape_pdf = PdfOnTriangle(impl.triangles[emitter], p, p_light);
     } else if constexpr (Has(kMask, Trait::kQuadrics)) {
       if (emitter < impl.first_disk()) {
-        const SphereView view = ViewEmitter(impl.spheres[emitter - impl.first_sphere()], p);
-        shape_pdf = view.visible ? view.pdf : 0;
+        shape_pdf = PdfOnSphere(impl.spheres[emitter - impl.first_sphere()], p);
       } else {
         shape_pdf =
             PdfDisk(ViewEmitter(impl.disks[emitter - impl.first_disk()], p), p, wi, p_light);
