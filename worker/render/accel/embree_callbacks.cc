@@ -14,6 +14,7 @@
 #include "common/base/check.h"
 #include "worker/render/geometry/bilinear_patch.h"
 #include "worker/render/geometry/curve.h"
+#include "worker/render/geometry/quadric_hit.h"
 
 namespace sheaf::render {
 namespace {
@@ -41,13 +42,13 @@ float DoubtOf(const RTCRay& ray, float t, Vec3f coordinate_max) {
   return kDistanceDoubt * t + kPlaneRounding * reach / length;
 }
 // Ends the search if the hit hides the ray's end.
-bool Block(const TraceContext& context, const RawHit& hit, float doubt, RTCRay* ray) {
+bool Block(const TraceContext& context, const TracerHit& hit, float doubt, RTCRay* ray) {
   if (!context.Blocks(hit, doubt)) return false;
   ray->tfar = -std::numeric_limits<float>::infinity();
   return true;
 }
 // Accepts a hit of a shape that was intersected in double, if it is the nearest.
-bool Accept(const TraceContext& context, const RawHit& hit, float doubt, RTCRayHit* ray_hit) {
+bool Accept(const TraceContext& context, const TracerHit& hit, float doubt, RTCRayHit* ray_hit) {
   if (!context.Take(hit, doubt)) return false;
   ray_hit->ray.tfar = context.SearchEndOf();
   ray_hit->hit.u = hit.u;
@@ -81,13 +82,12 @@ void FindQuadricHits(const TraceContext& context, const QuadricList& list, uint3
   if (kMasked && (baked.surface.seen_by & ray.mask) == 0) return;
   const Quadric& quadric = baked.quadric;
   const Vec3d o = Origin(ray), d = Direction(ray);
-  const auto find = [&](double from) -> std::optional<RawHit> {
-    const std::optional<double> t =
-        IntersectQuadric(quadric, o + d * from, d, static_cast<double>(ray.tfar) - from);
-    if (!t.has_value()) return std::nullopt;
-    return RawHit{static_cast<float>(from + *t), 0, 0, context.IdOf(list.geometry, index)};
+  const auto find = [&](double from) -> std::optional<TracerHit> {
+    const double t = QuadricHit(quadric, o + d * from, d, static_cast<double>(ray.tfar) - from);
+    if (!(t > 0)) return std::nullopt;
+    return TracerHit{static_cast<float>(from + t), 0, 0, context.IdOf(list.geometry, index)};
   };
-  ForHits(context, find, [&](const RawHit& hit) {
+  ForHits(context, find, [&](const TracerHit& hit) {
     return on_hit(hit, DoubtOf(ray, hit.t, quadric.coordinate_max));
   });
 }
@@ -100,7 +100,7 @@ void IntersectQuadricList(const RTCIntersectFunctionNArguments* args) {
   const TraceContext& context = ContextOf(args->context);
   FindQuadricHits<kMasked>(
       context, list, args->primID, ray_hit->ray,
-      [&](const RawHit& hit, float doubt) { return Accept(context, hit, doubt, ray_hit); });
+      [&](const TracerHit& hit, float doubt) { return Accept(context, hit, doubt, ray_hit); });
 }
 template <bool kMasked>
 void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
@@ -109,9 +109,9 @@ void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
-  FindQuadricHits<kMasked>(context, list, args->primID, *ray, [&](const RawHit& hit, float doubt) {
-    return Block(context, hit, doubt, ray);
-  });
+  FindQuadricHits<kMasked>(
+      context, list, args->primID, *ray,
+      [&](const TracerHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
 }
 
 void BoundPatch(const RTCBoundsFunctionArguments* args) {
@@ -126,13 +126,13 @@ void FindPatchHits(const TraceContext& context, const PatchList& list, uint32_t 
   const BilinearPatch patch = list.patches->PatchAt(index);
   if (context.IsSource(list.geometry, index) && patch.IsFlat()) return;
   const Vec3d o = Origin(ray), d = Direction(ray);
-  const auto find = [&](double from) -> std::optional<RawHit> {
+  const auto find = [&](double from) -> std::optional<TracerHit> {
     const std::optional<PatchHit> hit =
         IntersectPatch(patch, o + d * from, d, static_cast<double>(ray.tfar) - from);
     if (!hit.has_value()) return std::nullopt;
-    return RawHit{static_cast<float>(from + static_cast<double>(hit->t)),
-                  static_cast<float>(hit->u), static_cast<float>(hit->v),
-                  context.IdOf(list.geometry, index)};
+    return TracerHit{static_cast<float>(from + static_cast<double>(hit->t)),
+                     static_cast<float>(hit->u), static_cast<float>(hit->v),
+                     context.IdOf(list.geometry, index)};
   };
   Vec3f coordinate_max;
   const std::array<Vec3f, 2> bounds = PatchBounds(patch);
@@ -140,7 +140,7 @@ void FindPatchHits(const TraceContext& context, const PatchList& list, uint32_t 
     coordinate_max[i] = std::max(std::fabs(bounds[0][i]), std::fabs(bounds[1][i]));
   }
   ForHits(context, find,
-          [&](const RawHit& hit) { return on_hit(hit, DoubtOf(ray, hit.t, coordinate_max)); });
+          [&](const TracerHit& hit) { return on_hit(hit, DoubtOf(ray, hit.t, coordinate_max)); });
 }
 void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
   SHEAF_DCHECK(args->N == 1);
@@ -148,7 +148,7 @@ void IntersectPatchList(const RTCIntersectFunctionNArguments* args) {
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray_hit = reinterpret_cast<RTCRayHit*>(args->rayhit);
   const TraceContext& context = ContextOf(args->context);
-  FindPatchHits(context, list, args->primID, ray_hit->ray, [&](const RawHit& hit, float doubt) {
+  FindPatchHits(context, list, args->primID, ray_hit->ray, [&](const TracerHit& hit, float doubt) {
     return Accept(context, hit, doubt, ray_hit);
   });
 }
@@ -159,7 +159,7 @@ void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
   FindPatchHits(context, list, args->primID, *ray,
-                [&](const RawHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
+                [&](const TracerHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
 }
 
 void BoundCurve(const RTCBoundsFunctionArguments* args) {
@@ -199,8 +199,8 @@ void IntersectCurveList(const RTCIntersectFunctionNArguments* args) {
   const std::optional<CurveHit> hit =
       HitCurve(context, list, args->primID, ray_hit->ray, ray_hit->ray.tfar);
   if (!hit.has_value()) return;
-  const RawHit found{static_cast<float>(hit->t), static_cast<float>(hit->u),
-                     static_cast<float>(hit->v), context.IdOf(list.geometry, args->primID)};
+  const TracerHit found{static_cast<float>(hit->t), static_cast<float>(hit->u),
+                        static_cast<float>(hit->v), context.IdOf(list.geometry, args->primID)};
   Accept(context, found, 0, ray_hit);
 }
 void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
@@ -212,7 +212,8 @@ void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
   const std::optional<CurveHit> hit =
       HitCurve(context, list, args->primID, *ray, context.ray.t_max);
   if (!hit.has_value()) return;
-  const RawHit found{static_cast<float>(hit->t), 0, 0, context.IdOf(list.geometry, args->primID)};
+  const TracerHit found{static_cast<float>(hit->t), 0, 0,
+                        context.IdOf(list.geometry, args->primID)};
   Block(context, found, 0, ray);
 }
 

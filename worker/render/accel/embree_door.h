@@ -38,6 +38,15 @@ inline float SearchEnd(float t) { return t * (1 + kDistanceDoubt); }
 // 1/256 to it.
 inline constexpr float kEndBounds = 256;
 
+// A hit that a filter or callback offers. Its fields stay in registers: a RawHit is made of them
+// only for comparisons in double, which are rare.
+struct TracerHit {
+  float t = 0, u = 0, v = 0;  // As RawHit's.
+  PrimitiveId id;
+
+  RawHit Raw() const { return {t, u, v, id}; }
+};
+
 // Triangles that a ray passes by, although the tracer's rounding keeps the ray (EmbreeScene).
 struct PassedTriangles {
   static constexpr int kCountMax = 4;
@@ -118,29 +127,30 @@ struct TraceContext {
   // Accepts a hit if it is the nearest. Among hits at the same distance the smallest id wins, in
   // whatever order they are found. doubt: bound of the error of hit.t and of that of its plane, in
   // lengths of the direction; distances that it cannot tell apart are compared in double.
-  bool Take(const RawHit& hit, float doubt) const {
-    if (start != nullptr && !IsAfterStart(hit, doubt)) [[unlikely]]
+  bool Take(const TracerHit& hit, float doubt) const {
+    if (start != nullptr && !IsAfterStart(hit.Raw(), doubt)) [[unlikely]]
       return false;
     if (std::fabs(hit.t - nearest.t) <= doubt + nearest_doubt) [[unlikely]] {
-      if (!IsNearest(hit)) return false;
+      if (!IsNearest(hit.Raw())) return false;
     } else if (hit.t < nearest.t) {
       nearest.contact = 0;
     } else {
       return false;
     }
-    const float contact = nearest.contact;
-    nearest = hit;
-    nearest.contact = contact;
+    nearest.t = hit.t;
+    nearest.u = hit.u;
+    nearest.v = hit.v;
+    nearest.id = hit.id;
     nearest_doubt = doubt;
     unsettled = nullptr;
     passes_beside = false;
     return true;
   }
   // Whether the hit hides the ray's end.
-  bool Blocks(const RawHit& hit, float doubt) const {
-    if (start != nullptr && !IsAfterStart(hit, doubt)) [[unlikely]]
+  bool Blocks(const TracerHit& hit, float doubt) const {
+    if (start != nullptr && !IsAfterStart(hit.Raw(), doubt)) [[unlikely]]
       return false;
-    if (std::fabs(hit.t - ray.t_max) <= doubt + nearest_doubt) return IsBeforeEnd(hit);
+    if (std::fabs(hit.t - ray.t_max) <= doubt + nearest_doubt) return IsBeforeEnd(hit.Raw());
     return hit.t < ray.t_max;
   }
 

@@ -60,7 +60,7 @@ struct Candidate {
                       std::fabs(hit.Ng_z) * (reach.z + std::fabs(ray.org_z));
     return kPlaneRounding * sum / std::fabs(along);
   }
-  RawHit HitAt(float t) const { return {t, 0, 0, context.IdOf(hit.geomID, hit.primID)}; }
+  TracerHit HitAt(float t) const { return {t, 0, 0, context.IdOf(hit.geomID, hit.primID)}; }
   bool Take(float t, float doubt) const {
     if (!context.Take(HitAt(t), doubt)) return false;
     ray.tfar = context.SearchEndOf();

@@ -117,7 +117,8 @@ Ray NudgedRay(const Ray& ray, int attempt, int widening) {
   const float sign = attempt % 4 < 2 ? 1.0f : -1.0f;
   const Frame frame = Frame::FromNormal(ray.d / LengthOf(ray.d));
   const Vec3f side = sign * (along_t * frame.t + along_b * frame.b);
-  const float step = std::ldexp(attempt < kWideNudgeCount ? 0x1p-19f : 0x1p-21f, widening);
+  const float step =
+      (attempt < kWideNudgeCount ? 0x1p-19f : 0x1p-21f) * static_cast<float>(1 << widening);
   return TurnedTo(ray, side, step);
 }
 

@@ -10,6 +10,7 @@
 
 #include "common/math/elementary.h"
 #include "common/math/next_float.h"
+#include "worker/render/geometry/quadric_hit.h"
 
 namespace sheaf::render {
 namespace {
@@ -19,51 +20,6 @@ constexpr double kTwoPi = 2 * std::numbers::pi;
 double AzimuthOf(double x, double y) {
   const double phi = Atan2(y, x);
   return phi < 0 ? phi + kTwoPi : phi;
-}
-
-bool OnPart(const Quadric& q, Vec3d p) {
-  if (q.kind == Quadric::Kind::kDisk) {
-    if (p.x * p.x + p.y * p.y < q.inner_radius * q.inner_radius) return false;
-  } else if (p.z < q.z_min || p.z > q.z_max) {
-    return false;
-  }
-  return q.phi_max >= kTwoPi || AzimuthOf(p.x, p.y) <= q.phi_max;
-}
-
-// Spheres, and cylinders, which are circles for a ray projected along the axis (without z).
-template <Quadric::Kind kKind>
-std::optional<double> IntersectRound(const Quadric& q, Vec3d object_o, Vec3d object_d,
-                                     double t_max) {
-  Vec3d o = object_o, d = object_d;
-  if constexpr (kKind == Quadric::Kind::kCylinder) o.z = d.z = 0;
-  const double dd = LengthSquared(d);
-  const double od = -Dot(o, d);
-  // The length of the perpendicular from the center to the line decides, not b^2 - 4ac. Rays along
-  // a cylinder's axis have none.
-  const Vec3d foot = o + d * (od / dd);
-  const double below = q.radius * q.radius - LengthSquared(foot);
-  if (!(below >= 0)) return std::nullopt;
-  const double half_chord = std::sqrt(below * dd);
-  const double sum = od + std::copysign(half_chord, od);
-  // Two roots without cancellation: sum / dd and (|o|^2 - r^2) / sum, the latter factored.
-  const double distance = Length(o);
-  const double c = (distance - q.radius) * (distance + q.radius);
-  double t0 = sum != 0 ? c / sum : 0, t1 = sum / dd;
-  if (t0 > t1) std::swap(t0, t1);
-  for (const double t : {t0, t1}) {
-    if (t > 0 && t < t_max && (!q.is_partial || OnPart(q, object_o + object_d * t))) return t;
-  }
-  return std::nullopt;
-}
-
-std::optional<double> IntersectDisk(const Quadric& q, Vec3d o, Vec3d d, double t_max) {
-  if (d.z == 0) return std::nullopt;
-  const double t = (q.z_min - o.z) / d.z;
-  if (!(t > 0 && t < t_max)) return std::nullopt;
-  const Vec3d p = o + d * t;
-  if (p.x * p.x + p.y * p.y > q.radius * q.radius) return std::nullopt;
-  if (q.is_partial && !OnPart(q, p)) return std::nullopt;
-  return t;
 }
 
 QuadricParameters SphereParameters(const Quadric& q, Vec3d p) {
@@ -101,17 +57,18 @@ QuadricParameters CylinderParameters(const Quadric& q, Vec3d p) {
 
 }  // namespace
 
-std::optional<double> IntersectQuadric(const Quadric& q, Vec3d o, Vec3d d, double t_max) {
-  const Vec3d object_o = q.object_from_target.Point(o), object_d = q.object_from_target.Vector(d);
-  switch (q.kind) {
-    case Quadric::Kind::kSphere:
-      return IntersectRound<Quadric::Kind::kSphere>(q, object_o, object_d, t_max);
-    case Quadric::Kind::kCylinder:
-      return IntersectRound<Quadric::Kind::kCylinder>(q, object_o, object_d, t_max);
-    case Quadric::Kind::kDisk:
-      break;
+bool IsOnPart(const Quadric& q, Vec3d p) {
+  if (q.kind == Quadric::Kind::kDisk) {
+    if (p.x * p.x + p.y * p.y < q.inner_radius * q.inner_radius) return false;
+  } else if (p.z < q.z_min || p.z > q.z_max) {
+    return false;
   }
-  return IntersectDisk(q, object_o, object_d, t_max);
+  return q.phi_max >= kTwoPi || AzimuthOf(p.x, p.y) <= q.phi_max;
+}
+
+std::optional<double> IntersectQuadric(const Quadric& q, Vec3d o, Vec3d d, double t_max) {
+  const double t = QuadricHit(q, o, d, t_max);
+  return t > 0 ? std::optional(t) : std::nullopt;
 }
 
 QuadricPoint QuadricPointAt(const Quadric& q, Vec3d o, Vec3d d, double t) {
