@@ -64,32 +64,55 @@ ResidentTexture::ResidentTexture(std::shared_ptr<const PlainImage> image, TexelE
   decode_ = DecodeTable(image_->type, encoding);
 }
 
-Texel ResidentTexture::At(TexelIndex where) const {
-  const PlainImage& image = *image_;
-  const size_t begin = (static_cast<size_t>(where.y) * static_cast<size_t>(image.width) +
-                        static_cast<size_t>(where.x)) *
-                       static_cast<size_t>(image.channels);
-  const auto channels = static_cast<size_t>(facts_.channels);
-  const std::byte* numbers = image.numbers.data();
+namespace {
+
+// Reads the numbers of one texel, decoded by decode(number). Number: that of the file.
+template <typename Number, typename Decode>
+Texel TexelOf(const std::byte* numbers, size_t channels, const Decode& decode) {
   Texel texel{};
-  if (image.type == PlainImage::Type::kUint8) {
-    for (size_t c = 0; c < channels; ++c) {
-      texel[c] = decode_[std::to_integer<size_t>(numbers[begin + c])];
-    }
-  } else if (image.type == PlainImage::Type::kFloat) {
-    for (size_t c = 0; c < channels; ++c) {
-      float value;
-      std::memcpy(&value, numbers + (begin + c) * sizeof(float), sizeof(float));
-      texel[c] = std::isfinite(value) ? value : 0;
-    }
-  } else {
-    for (size_t c = 0; c < channels; ++c) {
-      uint16_t value;
-      std::memcpy(&value, numbers + (begin + c) * sizeof(uint16_t), sizeof(uint16_t));
-      texel[c] = decode_[value];
-    }
+  for (size_t c = 0; c < channels; ++c) {
+    Number number;
+    std::memcpy(&number, numbers + c * sizeof(Number), sizeof(Number));
+    texel[c] = decode(number);
   }
   return texel;
+}
+
+}  // namespace
+
+template <typename Number, typename Decode>
+void ResidentTexture::ReadAs(std::span<const TexelIndex> where, std::span<Texel> values,
+                             const Decode& decode) const {
+  const PlainImage& image = *image_;
+  const auto stored = static_cast<size_t>(image.channels) * sizeof(Number);
+  const auto at = [&](TexelIndex texel) {
+    const size_t index = static_cast<size_t>(texel.y) * static_cast<size_t>(image.width) +
+                         static_cast<size_t>(texel.x);
+    return image.numbers.data() + index * stored;
+  };
+  // The texels of one look-up lie in two rows: both are on their way before one is decoded.
+  for (const TexelIndex& texel : where) __builtin_prefetch(at(texel));
+  const auto read = [&](size_t channels) {
+    for (size_t i = 0; i < where.size(); ++i) {
+      values[i] = TexelOf<Number>(at(where[i]), channels, decode);
+    }
+  };
+  // Most images; the number of channels unrolls the loop.
+  facts_.channels == 3 ? read(3) : read(static_cast<size_t>(facts_.channels));
+}
+
+void ResidentTexture::ReadTexels(std::span<const TexelIndex> where, std::span<Texel> values) const {
+  const float* decode = decode_.data();
+  switch (image_->type) {
+    case PlainImage::Type::kUint8:
+      return ReadAs<uint8_t>(where, values, [decode](uint8_t number) { return decode[number]; });
+    case PlainImage::Type::kUint16:
+    case PlainImage::Type::kHalf:
+      return ReadAs<uint16_t>(where, values, [decode](uint16_t number) { return decode[number]; });
+    case PlainImage::Type::kFloat:
+      return ReadAs<float>(where, values,
+                           [](float number) { return std::isfinite(number) ? number : 0; });
+  }
 }
 
 }  // namespace sheaf

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "common/image/plain_image.h"
@@ -19,10 +20,16 @@ class ResidentTexture {
 
   // Its `index` is unset.
   const TextureImage& facts() const { return facts_; }
-  // Requires: `where` is within the image.
-  Texel At(TexelIndex where) const;
+  // values[i] becomes the texel at where[i]. Requires: each is within the image; spans have the
+  // same size.
+  void ReadTexels(std::span<const TexelIndex> where, std::span<Texel> values) const;
 
  private:
+  // decode(number): the value of a number, as the file has it.
+  template <typename Number, typename Decode>
+  void ReadAs(std::span<const TexelIndex> where, std::span<Texel> values,
+              const Decode& decode) const;
+
   std::shared_ptr<const PlainImage> image_;
   TextureImage facts_;
   std::vector<float> decode_;  // Linear value of each stored number; empty for floats.

@@ -83,7 +83,7 @@ void TextureCache::ReadTexels(int32_t image, std::span<const TexelIndex> where,
                               std::span<Texel> values) const {
   const Opened& opened = opened_[static_cast<size_t>(image)];
   if (opened.resident == nullptr) return tiles_->ReadTexels(opened.tiled, where, values);
-  for (size_t i = 0; i < where.size(); ++i) values[i] = opened.resident->At(where[i]);
+  opened.resident->ReadTexels(where, values);
 }
 
 }  // namespace sheaf

@@ -54,6 +54,7 @@ Rgb WithoutNegative(Rgb c) {
 }
 
 int Modulo(int a, int n) {
+  if (a >= 0 && a < n) return a;  // Nearly always.
   const int r = a % n;
   return r < 0 ? r + n : r;
 }
