@@ -41,6 +41,10 @@ class RecordingTracer {
     rays_->push_back({ray, true});
     return tracer_.Occluded(ray);
   }
+  Passage PassageOf(const Ray& ray) {
+    rays_->push_back({ray, true});
+    return tracer_.PassageOf(ray);
+  }
 
  private:
   const EmbreeScene& tracer_;

@@ -42,8 +42,10 @@ float DoubtOf(const RTCRay& ray, float t, Vec3f coordinate_max) {
   return kDistanceDoubt * t + kPlaneRounding * reach / length;
 }
 // Ends the search if the hit hides the ray's end.
-bool Block(const TraceContext& context, const TracerHit& hit, float doubt, RTCRay* ray) {
+bool Block(const TraceContext& context, const Surface& surface, const TracerHit& hit, float doubt,
+           RTCRay* ray) {
   if (!context.Blocks(hit, doubt)) return false;
+  context.EndsAtPassable(surface);
   ray->tfar = -std::numeric_limits<float>::infinity();
   return true;
 }
@@ -109,9 +111,10 @@ void OccludeQuadricList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const QuadricList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
+  const Surface& surface = (*list.quadrics)[args->primID].surface;
   FindQuadricHits<kMasked>(
       context, list, args->primID, *ray,
-      [&](const TracerHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
+      [&](const TracerHit& hit, float doubt) { return Block(context, surface, hit, doubt, ray); });
 }
 
 void BoundPatch(const RTCBoundsFunctionArguments* args) {
@@ -158,8 +161,9 @@ void OccludePatchList(const RTCOccludedFunctionNArguments* args) {
   const auto& list = *static_cast<const PatchList*>(args->geometryUserPtr);
   auto* ray = reinterpret_cast<RTCRay*>(args->ray);
   const TraceContext& context = ContextOf(args->context);
-  FindPatchHits(context, list, args->primID, *ray,
-                [&](const TracerHit& hit, float doubt) { return Block(context, hit, doubt, ray); });
+  FindPatchHits(context, list, args->primID, *ray, [&](const TracerHit& hit, float doubt) {
+    return Block(context, list.patches->surface, hit, doubt, ray);
+  });
 }
 
 void BoundCurve(const RTCBoundsFunctionArguments* args) {
@@ -214,7 +218,7 @@ void OccludeCurveList(const RTCOccludedFunctionNArguments* args) {
   if (!hit.has_value()) return;
   const TracerHit found{static_cast<float>(hit->t), 0, 0,
                         context.IdOf(list.geometry, args->primID)};
-  Block(context, found, 0, ray);
+  Block(context, list.curves->surface, found, 0, ray);
 }
 
 void BoundPlaced(const RTCBoundsFunctionArguments* args) {
@@ -274,6 +278,7 @@ void OccludePlacedList(const RTCOccludedFunctionNArguments* args) {
   TraceAny((*list.scenes)[placed.group], &context, &inner);
   if (inner.tfar < 0) outer->tfar = -std::numeric_limits<float>::infinity();
   outside.is_undecided |= context.is_undecided;
+  outside.met_passable |= context.met_passable;
 }
 
 // Sets up a user geometry of `count` primitives.

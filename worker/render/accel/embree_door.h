@@ -47,6 +47,12 @@ struct TracerHit {
   RawHit Raw() const { return {t, u, v, id}; }
 };
 
+// Whether some rays may pass through the surface unchanged: cut-outs, interfaces of media,
+// boundaries that others hide, and what some kinds of rays do not see.
+inline bool MayLetPass(const Surface& surface) {
+  return surface.has_alpha || surface.may_pass || surface.rank != kNoRank || surface.invisible != 0;
+}
+
 // Triangles that a ray passes by, although the tracer's rounding keeps the ray (EmbreeScene).
 struct PassedTriangles {
   static constexpr int kCountMax = 4;
@@ -78,6 +84,9 @@ struct TraceContext {
   // The ray passes beside the triangle of the nearest hit, within the tracer's rounding; before
   // Settle it may.
   mutable bool passes_beside = false;
+  // The search ends at the first hit, also of a surface that may let the ray pass.
+  bool ends_at_passable = false;
+  mutable bool met_passable = false;  // It has ended there.
   // A triangle may hide the ray's end, but the ray passes so near to an edge that the search for
   // the nearest hit must decide.
   mutable bool is_undecided = false;
@@ -101,7 +110,8 @@ struct TraceContext {
         passed(outside.passed),
         here(placed),
         nearest(outside.nearest),
-        nearest_doubt(outside.nearest_doubt) {
+        nearest_doubt(outside.nearest_doubt),
+        ends_at_passable(outside.ends_at_passable) {
     Init();
   }
 
@@ -152,6 +162,13 @@ struct TraceContext {
       return false;
     if (std::fabs(hit.t - ray.t_max) <= doubt + nearest_doubt) return IsBeforeEnd(hit.Raw());
     return hit.t < ray.t_max;
+  }
+
+  // Whether a hit of the surface ends the search without telling whether it hides the ray's end.
+  bool EndsAtPassable(const Surface& surface) const {
+    if (!ends_at_passable || !MayLetPass(surface)) return false;
+    met_passable = true;
+    return true;
   }
 
  private:

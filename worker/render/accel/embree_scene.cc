@@ -313,14 +313,22 @@ bool EmbreeScene::TraceBeside(const Ray& ray, RawHit* hit) const {
   return true;
 }
 
-[[gnu::always_inline]] inline bool EmbreeScene::OccludedFrom(const Contact* start, const Ray& ray,
-                                                             bool* is_undecided) const {
+[[gnu::always_inline]] inline EmbreeScene::AnyHit EmbreeScene::SearchAnyFrom(
+    const Contact* start, const Ray& ray, bool ends_at_passable) const {
   RTCRay r = ToRtc(ray);
-  const TraceContext context(*state_->described, state_->plane_bound, ray, start);
+  TraceContext context(*state_->described, state_->plane_bound, ray, start);
+  context.ends_at_passable = ends_at_passable;
   r.tfar = context.SearchEndOf();
   TraceAny(state_->scenes[0], &context, &r);
-  *is_undecided = context.is_undecided;
-  return r.tfar < 0;
+  return {r.tfar < 0, context.is_undecided, context.met_passable};
+}
+
+[[gnu::always_inline]] inline EmbreeScene::AnyHit EmbreeScene::SearchAny(
+    const Ray& ray, bool ends_at_passable) const {
+  if (!(ray.contact > 0)) [[likely]]
+    return SearchAnyFrom(nullptr, ray, ends_at_passable);
+  const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
+  return SearchAnyFrom(start ? &*start : nullptr, ray, ends_at_passable);
 }
 
 bool EmbreeScene::LeaksAtEdge(const Ray& ray, RawHit* hit) const {
@@ -360,17 +368,18 @@ bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
 }
 
 bool EmbreeScene::Occluded(const Ray& ray) const {
-  bool is_hidden = false, is_undecided = false;
-  if (!(ray.contact > 0)) [[likely]] {
-    is_hidden = OccludedFrom(nullptr, ray, &is_undecided);
-  } else {
-    const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
-    is_hidden = OccludedFrom(start ? &*start : nullptr, ray, &is_undecided);
-  }
+  const AnyHit found = SearchAny(ray, /*ends_at_passable=*/false);
   RawHit hit;
-  if (is_undecided && !is_hidden) [[unlikely]]
+  if (found.is_undecided && !found.is_hidden) [[unlikely]]
     return Intersect(ray, &hit);
-  return is_hidden || LeaksAtEdge(ray, &hit);
+  return found.is_hidden || LeaksAtEdge(ray, &hit);
+}
+
+Passage EmbreeScene::PassageOf(const Ray& ray) const {
+  const AnyHit found = SearchAny(ray, /*ends_at_passable=*/true);
+  if (found.is_hidden) return found.met_passable ? Passage::kUnknown : Passage::kBlocked;
+  RawHit hit;
+  return found.is_undecided || LeaksAtEdge(ray, &hit) ? Passage::kUnknown : Passage::kOpen;
 }
 
 uint64_t EmbreeScene::Replay(const std::vector<RecordedRay>& rays) const {

@@ -38,6 +38,13 @@ struct RecordedRay {
   bool is_shadow = false;
 };
 
+// Whether light passes along a ray.
+enum class Passage : uint8_t {
+  kOpen,     // The ray meets nothing.
+  kBlocked,  // It meets a surface that lets no ray pass.
+  kUnknown,  // Its nearest hit tells.
+};
+
 class EmbreeScene {
  public:
   // kSkipSource makes rays skip the triangle they leave, and computes hit positions. kNone is for
@@ -55,6 +62,8 @@ class EmbreeScene {
   // Thread safety: const members may be called concurrently.
   bool Intersect(const Ray& ray, RawHit* hit) const;
   bool Occluded(const Ray& ray) const;
+  // Occluded, in scenes with surfaces that let rays pass: asks without looking for the nearest hit.
+  Passage PassageOf(const Ray& ray) const;
   // Traces the rays without any other work; returns the number of hits. The baseline of benchmarks.
   uint64_t Replay(const std::vector<RecordedRay>& rays) const;
 
@@ -75,8 +84,14 @@ class EmbreeScene {
   bool TraceBeside(const Ray& ray, RawHit* hit) const;
   // Whether there is no surface beside the edge of *hit that the ray passes outside of.
   bool IsOpenBeside(const Ray& ray, const RawHit& hit) const;
-  // *is_undecided: whether only the nearest hit tells.
-  bool OccludedFrom(const Contact* start, const Ray& ray, bool* is_undecided) const;
+  // The result of a search for any hit. is_undecided: only the nearest hit tells whether there is
+  // one.
+  struct AnyHit {
+    bool is_hidden = false, is_undecided = false;
+    bool met_passable = false;  // It is hidden by a surface that may let the ray pass.
+  };
+  AnyHit SearchAny(const Ray& ray, bool ends_at_passable) const;
+  AnyHit SearchAnyFrom(const Contact* start, const Ray& ray, bool ends_at_passable) const;
   // Whether an unbounded ray that hit nothing passes through the tracer's rounding at a vertex
   // (leak_guard.h): sets the hit there.
   bool LeaksAtEdge(const Ray& ray, RawHit* hit) const;

@@ -86,6 +86,7 @@ void JudgeAny(const RTCFilterFunctionNArguments* args) {
       !candidate.IsSkipped() &&
       candidate.context.Blocks(candidate.HitAt(candidate.PlaneDistance(along)),
                                candidate.Doubt(along));
+  if (is_in_the_way && candidate.context.EndsAtPassable(candidate.mesh.surface)) return;
   if (is_in_the_way && !candidate.IsNearEdge()) return;
   args->valid[0] = 0;
   candidate.context.is_undecided |= is_in_the_way;
@@ -105,6 +106,10 @@ void TestAgain(const RTCFilterFunctionNArguments* args, const FindHit& find_hit)
   const float doubt = candidate.Doubt(candidate.AlongNormal());
   if (kAny ? !candidate.context.Blocks(candidate.HitAt(t), doubt) : !candidate.Take(t, doubt))
     return;
+  if (kAny && candidate.context.EndsAtPassable(candidate.mesh.surface)) {
+    args->valid[0] = -1;
+    return;
+  }
   (kAny ? candidate.context.is_undecided : candidate.context.passes_beside) |= !found->is_inside;
   if (kAny && !found->is_inside) return;
   args->valid[0] = -1;

@@ -20,8 +20,9 @@
 namespace sheaf::render {
 
 // Transmittance from the origin of the ray, where the media are `media`, to `end`, or to infinity
-// if end is null. u: two numbers of the light's slot. on_segment(ray, crossing, length,
-// transmittance, media), if not null, is called at the start of each part between surfaces.
+// if end is null. media: followed along the ray. u: two numbers of the light's slot.
+// on_segment(ray, crossing, length, transmittance, media), if not null, is called at the start of
+// each part between surfaces.
 template <typename C, typename OnSegment>
 typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* end,
                                      std::array<float, 2> u, const PathState<C>& path,
@@ -34,8 +35,13 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
     ++c.counts.shadow_rays;
     RawHit hit;
     bool hits = false;
-    if constexpr (C::kNullInterfaces || kHasCallback) {
+    if constexpr (kHasCallback) {
       hits = c.tracer.Intersect(ray, &hit);
+    } else if constexpr (C::kNullInterfaces) {
+      // Most rays meet no surface that lets them pass, and need no nearest hit.
+      const Passage passage = crossing == 0 ? c.tracer.PassageOf(ray) : Passage::kUnknown;
+      if (passage == Passage::kBlocked) return {};
+      if (passage == Passage::kUnknown) hits = c.tracer.Intersect(ray, &hit);
     } else {
       if (c.tracer.Occluded(ray)) return {};
     }
@@ -90,7 +96,7 @@ typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* 
   return {};
 }
 
-// Transmittance between the point and the light.
+// Transmittance between the point and the light. media: at the point; followed along the ray.
 template <typename C>
 typename C::Color ShadowTransmittance(const Context<C>& c, const SurfacePoint& point,
                                       const LightSampleOf<typename C::Color>& light,

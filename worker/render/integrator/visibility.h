@@ -123,6 +123,11 @@ bool IsVisibleThroughNullInterfaces(const Context<C>& c, Ray ray, const Vec3f* e
   for (uint32_t crossing = 0; crossing < kNullCrossingsMax; ++crossing) {
     ++c.counts.rays;
     ++c.counts.shadow_rays;
+    // Most rays meet no surface that lets them pass, and need no nearest hit.
+    if (crossing == 0) {
+      const Passage passage = c.tracer.PassageOf(ray);
+      if (passage != Passage::kUnknown) return passage == Passage::kOpen;
+    }
     RawHit hit;
     if (!c.tracer.Intersect(ray, &hit)) return true;
     const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
