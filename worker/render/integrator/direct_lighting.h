@@ -8,6 +8,7 @@
 
 #include <array>
 #include <optional>
+#include <utility>
 
 #include "worker/render/integrator/context.h"
 #include "worker/render/integrator/equiangular_sampling.h"
@@ -40,7 +41,8 @@ void AddLightSample(const Context<C>& c, const Vertex& vertex,
   if constexpr (C::kMedia) {
     MediumState<C> media = path->media;
     if (!vertex.EnterSide(c, light->wi, *path, &media)) return;
-    const Color transmittance = ShadowTransmittance(c, vertex.point, *light, u, *path, media);
+    const Color transmittance =
+        ShadowTransmittance(c, vertex.point, *light, u, *path, std::move(media));
     f_cos = f_cos * transmittance;
     NoteLight(c, {vertex.point.p, vertex.light_hint}, *light, !transmittance.IsBlack(), f_cos);
     if (transmittance.IsBlack()) return;

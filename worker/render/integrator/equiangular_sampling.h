@@ -24,6 +24,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <utility>
 
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/medium_line.h"
@@ -252,7 +253,7 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, [[maybe_unused]]
     }
   }
   CountScattering(c, *path, &media);  // The light passes through the media after that scattering.
-  transmittance *= ShadowTransmittance(c, vertex, *light, {u[3], u[2]}, *path, media);
+  transmittance *= ShadowTransmittance(c, vertex, *light, {u[3], u[2]}, *path, std::move(media));
   if (transmittance.IsBlack()) return;
   const auto scale = static_cast<float>(weight / line_pdf);
   AddLight(c, light->light, path->history.KindFromMedium(),

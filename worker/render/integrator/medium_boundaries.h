@@ -75,13 +75,24 @@ bool UpdateMedia(const Context<C>& c, const SurfacePoint& point, bool from_front
   return true;
 }
 
+// The plane of the point, at which the path is. By members: a copy of a plane made elsewhere waits
+// for the stores that made it.
+inline void SetNear(const SurfacePoint& point, Vec3f n, bool is_set, NearPlane* near) {
+  near->p = point.p;
+  near->n = n;
+  near->is_set = is_set;
+  near->p_error = 0;
+  near->offset = {};
+  near->has_offset = true;
+}
+
 // Updates *media for a ray along w that leaves the surface on the other side. False where the
 // nesting of media is broken, which is counted.
 template <typename C>
 bool CrossBoundary(const Context<C>& c, const SurfacePoint& point, Vec3f w,
                    const PathState<C>& path, MediumState<C>* media) {
   const bool enters = Dot(w, point.ng) < 0;
-  media->near = {point.p, enters ? -point.ng : point.ng, true, 0, {}, true};
+  SetNear(point, enters ? -point.ng : point.ng, true, &media->near);
   const Crossing crossing{point.id, point.p, point.p_error, point.ng, enters};
   if (IsSameCrossing(crossing, media->last)) return true;
   media->last = crossing;
@@ -114,7 +125,7 @@ bool EnterSide(const Context<C>& c, const SurfacePoint& point, Vec3f w, bool is_
   const float came_along = Dot(path.ray.d, point.ng), goes_along = Dot(w, point.ng);
   if (!is_hair && came_along * goes_along > 0) return CrossBoundary(c, point, w, path, media);
   const bool in_front = goes_along >= 0;
-  media->near = {point.p, in_front ? point.ng : -point.ng, !is_hair, 0, {}, true};
+  SetNear(point, in_front ? point.ng : -point.ng, !is_hair, &media->near);
   if (is_hair || (C::kNested && point.surface->rank != kNoRank)) return true;
   return UpdateMedia(c, point, in_front, in_front, path, media);
 }

@@ -26,7 +26,7 @@ namespace sheaf::render {
 template <typename C, typename OnSegment>
 typename C::Color TraceTransmittance(const Context<C>& c, Ray ray, const Vec3f* end,
                                      std::array<float, 2> u, const PathState<C>& path,
-                                     MediumState<C> media, const OnSegment& on_segment) {
+                                     MediumState<C>&& media, const OnSegment& on_segment) {
   using Color = typename C::Color;
   constexpr bool kHasCallback = !std::is_null_pointer_v<OnSegment>;
   Color transmittance = Color::Gray(1);
@@ -101,7 +101,7 @@ template <typename C>
 typename C::Color ShadowTransmittance(const Context<C>& c, const SurfacePoint& point,
                                       const LightSampleOf<typename C::Color>& light,
                                       std::array<float, 2> u, const PathState<C>& path,
-                                      MediumState<C> media) {
+                                      MediumState<C>&& media) {
   Vec3f end{};
   Ray ray = ShadowRay(point, light, path.ray.time, &end);
   if constexpr (C::kRayKinds) ray.mask = kShadowRay;

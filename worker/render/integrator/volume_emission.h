@@ -11,6 +11,7 @@
 
 #include <array>
 #include <cstdint>
+#include <utility>
 
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/transmittance.h"
@@ -99,7 +100,7 @@ void SampleVolumeEmission(const Context<C>& c, const Vertex& vertex, PathState<C
     }
     sum += arriving;
   };
-  TraceTransmittance(c, ray, nullptr, {u[3], u[2]}, *path, media, add);
+  TraceTransmittance(c, ray, nullptr, {u[3], u[2]}, *path, std::move(media), add);
   const float weight = MisWeight<C>(FindsBy::kLightSample, sample.pdf, value.pdf);
   if constexpr (C::kBothEnds) {
     const float shared = MediaSampleWeightBesideLight(
