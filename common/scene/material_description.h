@@ -124,14 +124,19 @@ struct PrincipledMaterial {
   FloatInput metallic, roughness{.value = 0.5f};  // alpha = roughness^2.
   FloatInput specular{.value = 1};                // Scales a dielectric's reflection.
   FloatInput transmission, coat, iridescence;
+  FloatInput anisotropy, rotation_radians;  // The rougher direction, from dp/du towards dp/dv.
+  // Index in textures: red and green, from [0, 1] to [-1, 1], are the direction along dp/du and
+  // dp/dv to which the rotation is added. kNone: dp/du.
+  int32_t anisotropy_direction = kNone;
+  FloatInput coat_roughness, sheen_roughness{.value = 0.3f};
+  FloatInput iridescence_thickness_nm{.value = 400};
   // Opacity. Less than 1 becomes a mix with an interface when the file is read.
   FloatInput alpha{.value = 1};
-  float anisotropy = 0, rotation_radians = 0;  // The rougher direction, from dp/du towards dp/dv.
   float ior = 1.5f;
   bool thin = false;  // A sheet: what crosses is not refracted, and there is no inside.
-  float coat_roughness = 0, coat_ior = 1.5f;
-  float sheen_roughness = 0.3f;
-  float iridescence_ior = 1.3f, iridescence_thickness_nm = 400;
+  float coat_ior = 1.5f, iridescence_ior = 1.3f;
+  // The range of a texture of the film's thickness; beyond it the nearer end counts.
+  float film_least_nm = 0, film_most_nm = 1000;
   // Light that remains inside after the distance, in scene units; 0: nothing is absorbed.
   ColorSpec attenuation_color;
   float attenuation_distance = 0;
@@ -167,6 +172,12 @@ struct MixMaterial {
 };
 struct InterfaceMaterial {};  // Invisible; bounds a medium.
 
+// The normals of a principled material's coat, where they are not those of what it covers.
+struct CoatNormals {
+  int32_t map = kNone;  // As MaterialDescription::normal_map; kNone: the shape's own normals.
+  float scale = 1;
+};
+
 struct MaterialDescription {
   std::string name;  // Empty for unnamed ones.
   std::variant<DiffuseMaterial, DiffuseTransmissionMaterial, ConductorMaterial, DielectricMaterial,
@@ -177,6 +188,7 @@ struct MaterialDescription {
   SourceLocation location;
   int32_t normal_map = kNone;  // Index in textures: red, green, blue from [0, 1] to [-1, 1].
   float normal_scale = 1;      // Multiplies the red and green of the normal map.
+  std::optional<CoatNormals> coat_normals = std::nullopt;
   // A bump map's height, in scene units; unused with normal_map.
   FloatInput displacement{0, kNone};
   // Which matter is there where closed shapes overlap: that of the highest. Materials without one

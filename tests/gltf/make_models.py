@@ -190,7 +190,7 @@ def _(file):
     file.node(mesh=sphere(file, {"pbrMetallicRoughness": {"baseColorTexture": {"index": image}}}))
 
 
-@model("points.glb", "points and lines")
+@model("points.glb", "points are spheres")
 def _(file):
     file.node(mesh=square(file, indices=None, mode=0))
     file.node(mesh=square(file))

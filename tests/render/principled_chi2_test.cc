@@ -25,7 +25,7 @@ using sheaf::testing::WhitePrincipled;
 
 constexpr uint64_t kSampleCount = 200000;
 constexpr double kSignificance = 0.01;  // For the whole file.
-constexpr int kTestCount = 40;          // At least the number of chi-square tests in this file.
+constexpr int kTestCount = 43;          // At least the number of chi-square tests in this file.
 
 void ExpectSamplerMatchesPdf(const BsdfFixture& fixture, float mu, float azimuth) {
   const Vec3f wo = DirectionAt(mu, azimuth);
@@ -66,8 +66,8 @@ TEST(PrincipledChiSquareTest, MetalWithTurnedGrain) {
   PrincipledMaterial metal = WhitePrincipled();
   metal.base_color.value.rgb = {0.9f, 0.6f, 0.3f};
   metal.metallic.value = 1;
-  metal.anisotropy = 0.8f;
-  metal.rotation_radians = 0.6f;
+  metal.anisotropy.value = 0.8f;
+  metal.rotation_radians.value = 0.6f;
   ExpectSamplerMatchesPdf("metal", metal, {0.8f, 0.05f, -0.6f});
 }
 
@@ -90,22 +90,34 @@ TEST(PrincipledChiSquareTest, Layers) {
   layers.metallic.value = 0.4f;
   layers.transmission.value = 0.5f;
   layers.coat.value = 0.8f;
-  layers.coat_roughness = 0.4f;
+  layers.coat_roughness.value = 0.4f;
   layers.sheen_color.value.rgb = {0.2f, 0.6f, 0.4f};
   layers.iridescence.value = 0.7f;
   ExpectSamplerMatchesPdf("layers", layers, {0.9f, 0.3f, 0.01f, -0.5f});
-  layers.coat_roughness = 0;
+  layers.coat_roughness.value = 0;
   layers.thin = true;
   ExpectSamplerMatchesPdf("thin layers", layers, {0.6f, -0.4f});
   layers.roughness.value = 0;
   ExpectSamplerMatchesPdf("smooth layers", layers, {0.6f});
 }
 
+// The coat of a rough base has a normal of its own.
+TEST(PrincipledChiSquareTest, TiltedCoats) {
+  PrincipledMaterial lacquer = WhitePrincipled();
+  lacquer.base_color.value.rgb = {0.7f, 0.3f, 0.1f};
+  lacquer.coat.value = 0.8f;
+  lacquer.coat_roughness.value = 0.3f;
+  lacquer.sheen_color.value.rgb = {0.1f, 0.2f, 0.1f};
+  BsdfFixture fixture = MakePrincipledFixture(lacquer, "lacquer");
+  fixture.bsdf.coat_tilt = CoatTilt::Of(Normalize(Vec3f{0.4f, -0.3f, 1}));
+  for (const float mu : {0.9f, 0.3f, -0.5f}) ExpectSamplerMatchesPdf(fixture, mu, 0.7f);
+}
+
 TEST(PrincipledChiSquareTest, SheenOfAllRoughnesses) {
   for (const float roughness : {0.0f, 0.3f, 1.0f}) {
     PrincipledMaterial cloth = WhitePrincipled();
     cloth.sheen_color.value.rgb = Rgb::Gray(1);
-    cloth.sheen_roughness = roughness;
+    cloth.sheen_roughness.value = roughness;
     ExpectSamplerMatchesPdf("sheen", cloth, {0.7f, 0.05f});
   }
 }

@@ -91,7 +91,7 @@ TEST(PrincipledTest, M15_WhiteFurnaces) {
     // From outside alone: a rough coat leaves light from within to the glass.
     PrincipledMaterial layered = plastic;
     layered.coat.value = 1;
-    layered.coat_roughness = 0.3f;
+    layered.coat_roughness.value = 0.3f;
     layered.sheen_color.value.rgb = Rgb::Gray(1);
     ExpectWhite(layered, "layers" + at);
     layered.transmission.value = 1;
@@ -148,10 +148,10 @@ TEST(PrincipledTest, M15_NoMoreLightThanThereWas) {
     m.ior = 1 + draw();
     m.thin = draw() < 0.3f;
     m.coat.value = some();
-    m.coat_roughness = draw();
+    m.coat_roughness.value = draw();
     m.coat_ior = 1 + draw();
     m.sheen_color.value.rgb = Rgb{draw(), draw(), 1} * some();
-    m.sheen_roughness = draw();
+    m.sheen_roughness.value = draw();
     m.iridescence.value = draw() < 0.2f ? draw() : 0;
     const BsdfFixture fixture = MakePrincipledFixture(m);
     for (int j = 0; j < kDirectionCount; ++j) {
@@ -269,7 +269,7 @@ TEST(PrincipledTest, DeltaLobesAreReversible) {
   glass.roughness.value = 0;
   glass.transmission.value = 0.7f;
   glass.coat.value = 0.8f;
-  glass.coat_roughness = 0.5f;
+  glass.coat_roughness.value = 0.5f;
   glass.sheen_color.value.rgb = {0.5f, 0.3f, 0.1f};
   const BsdfFixture fixture = MakePrincipledFixture(glass);
   const Vec3f wo = DirectionAt(0.6f, 1);

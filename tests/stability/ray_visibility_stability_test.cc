@@ -167,7 +167,7 @@ int32_t RoughPrincipled(TestScene* t) {
   material.base_color.value.rgb = {0.6f, 0.4f, 0.2f};
   material.sheen_color.value.rgb = Rgb::Gray(0.3f);
   material.coat.value = 0.5f;
-  material.coat_roughness = 0.3f;
+  material.coat_roughness.value = 0.3f;
   return t->AddMaterial(material);
 }
 int32_t RoughCoat(TestScene* t) {

@@ -3,6 +3,11 @@
 #include "common/scene/gltf/deformation.h"
 
 #include <cmath>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "common/scene/gltf/values.h"
 
 namespace sheaf::gltf {
 namespace {
@@ -64,6 +69,44 @@ VertexStep Deformed(const Primitive& primitive, const std::vector<double>& weigh
     step.normals[v] = UnitOr(TransformNormal(inverse, ToDouble(step.normals[v])), step.normals[v]);
   }
   return step;
+}
+
+const Joints* Skins::Get(int skin, const std::string& what) {
+  const auto [entry, is_new] = known_.try_emplace(skin);
+  if (is_new && skin >= 0) entry->second.is_valid = Read(skin, what, &entry->second);
+  return entry->second.is_valid ? &entry->second : nullptr;
+}
+
+bool Skins::Read(int index, const std::string& what, Joints* joints) {
+  if (!HasIndex(model_->skins, index)) {
+    diagnostics_->Error(kFile, absl::StrCat(what, " has the skin ", index,
+                                            ", which does not exist; export the file again"));
+    return false;
+  }
+  const tinygltf::Skin& skin = model_->skins[static_cast<size_t>(index)];
+  if (!accessors_->Charge(2 * skin.joints.size() * sizeof(Matrix4))) return false;
+  std::vector<float> inverse;
+  if (skin.inverseBindMatrices >= 0) {
+    auto read = accessors_->Floats(skin.inverseBindMatrices, 16,
+                                   Named("skin", index, skin.name) + ", inverse bind matrices");
+    if (!read) return false;
+    inverse = *std::move(read);
+  }
+  for (size_t j = 0; j < skin.joints.size(); ++j) {
+    if (!HasIndex(model_->nodes, skin.joints[j]) ||
+        (!inverse.empty() && inverse.size() < 16 * (j + 1))) {
+      diagnostics_->Error(kFile, absl::StrCat(Named("skin", index, skin.name), " has the joint ", j,
+                                              " without node or matrix; export it again"));
+      return false;
+    }
+    Matrix4 bind;
+    for (size_t k = 0; k < 16 && !inverse.empty(); ++k) {
+      bind.m[k % 4][k / 4] = static_cast<double>(inverse[16 * j + k]);
+    }
+    joints->start.push_back((*world_start_)[static_cast<size_t>(skin.joints[j])] * bind);
+    joints->end.push_back((*world_end_)[static_cast<size_t>(skin.joints[j])] * bind);
+  }
+  return true;
 }
 
 }  // namespace sheaf::gltf

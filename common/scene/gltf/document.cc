@@ -29,6 +29,11 @@ absl::Status BadFile(const std::string& main_file, const std::string& what) {
   return absl::InvalidArgumentError(absl::StrCat(main_file, ": ", what, "; export the file again"));
 }
 
+absl::Status FirstVersion(const std::string& main_file) {
+  return absl::InvalidArgumentError(absl::StrCat(
+      main_file, ": is glTF 1.0, Sheaf reads 2.0; convert it, for example with gltf-pipeline"));
+}
+
 uint32_t WordAt(std::string_view bytes, size_t offset) {
   uint32_t word = 0;
   std::memcpy(&word, bytes.data() + offset, sizeof word);
@@ -46,6 +51,7 @@ absl::StatusOr<std::string_view> JsonOfGlb(const std::string& main_file, std::st
   if (bytes.size() < kGlbHeaderBytes + kChunkHeaderBytes) {
     return BadFile(main_file, "is too short for a GLB file");
   }
+  if (WordAt(bytes, 4) == 1) return FirstVersion(main_file);
   if (WordAt(bytes, 4) != 2) {
     return BadFile(main_file,
                    absl::StrCat("is GLB of version ", WordAt(bytes, 4), ", Sheaf reads version 2"));
@@ -117,6 +123,25 @@ std::string Parsable(std::string bytes, std::string_view json, bool is_binary) {
              &file);
   AppendWord(static_cast<uint32_t>(text.size()), &file);
   return file + bytes.substr(16, 4) + text + rest;
+}
+
+// The GLB file with a binary chunk of whole words, as the parser demands it, whatever the writer
+// left out. Later chunks of such a file are dropped.
+std::string WithWholeWords(std::string file) {
+  const size_t header = kGlbHeaderBytes + kChunkHeaderBytes + WordAt(file, 12);
+  if (header + kChunkHeaderBytes > file.size()) return file;
+  const uint64_t length = WordAt(file, header);
+  const uint64_t begin = header + kChunkHeaderBytes;
+  if (length % 4 == 0 || length > file.size() - begin) return file;
+  file.resize(begin + length);
+  file.resize(begin + (length + 3) / 4 * 4, '\0');
+  const auto set = [&](size_t at, uint64_t value) {
+    const auto word = static_cast<uint32_t>(value);
+    std::memcpy(file.data() + at, &word, sizeof word);
+  };
+  set(8, file.size());
+  set(header, file.size() - begin);
+  return file;
 }
 
 // State of the parser's callbacks.
@@ -254,16 +279,14 @@ absl::StatusOr<std::unique_ptr<tinygltf::Model>> LoadDocument(const std::string&
     json = *chunk;
   }
   if (absl::Status status = CheckJson(main_file, json); !status.ok()) return status;
-  const std::string parsable = Parsable(*std::move(bytes), json, is_binary);
+  std::string parsable = Parsable(*std::move(bytes), json, is_binary);
+  if (is_binary) parsable = WithWholeWords(std::move(parsable));
   auto model = std::make_unique<tinygltf::Model>();
   Access access{main_file, &files, bytes_max, absl::OkStatus()};
   const absl::Status status = Parse(&access, parsable, is_binary, model.get(), warning);
   // The parser passes over the objects of the first version, or fails at what is not there.
   const bool is_first = access.status.ok() && model->meshes.empty() && IsFirstVersion(parsable);
-  if (is_first) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        main_file, ": is glTF 1.0, Sheaf reads 2.0; convert it, for example with gltf-pipeline"));
-  }
+  if (is_first) return FirstVersion(main_file);
   if (!status.ok()) return status;
   return model;
 }

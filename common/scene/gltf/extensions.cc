@@ -5,8 +5,10 @@
 #include <algorithm>
 #include <iterator>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/scene/gltf/draco_primitives.h"
 #include "common/scene/gltf/meshopt_views.h"
 #include "common/scene/gltf/values.h"
@@ -38,8 +40,11 @@ constexpr const char* kKnownExtensions[] = {
 };
 // Those that have messages of their own where they are used.
 constexpr const char* kNamedElsewhere[] = {"KHR_texture_basisu"};
-// Those whose files have all that is needed without them, even if they call them required.
-constexpr const char* kChoices[] = {"KHR_materials_variants"};
+// Those whose files have all that is needed without them, even if they call them required: the
+// shaders of KHR_techniques_webgl stand beside materials of the core format, and metadata is not
+// seen.
+constexpr const char* kChoices[] = {"KHR_materials_variants", "KHR_techniques_webgl",
+                                    "EXT_structural_metadata"};
 
 template <typename List>
 bool Contains(const List& list, const std::string& name) {
@@ -50,6 +55,7 @@ bool Contains(const List& list, const std::string& name) {
 }  // namespace
 
 void CheckExtensions(const tinygltf::Model& model, Diagnostics* diagnostics) {
+  std::vector<std::string> needed;
   for (const std::string& name : model.extensionsUsed) {
     if (Contains(kKnownExtensions, name) || Contains(kNamedElsewhere, name)) continue;
     const auto& required = model.extensionsRequired;
@@ -57,11 +63,13 @@ void CheckExtensions(const tinygltf::Model& model, Diagnostics* diagnostics) {
         Contains(kChoices, name)) {
       diagnostics->Note(kFile, absl::StrCat("the extension ", name, " has no effect"));
     } else {
-      diagnostics->Error(kFile, absl::StrCat("needs the extension ", name,
-                                             ", which Sheaf does "
-                                             "not support; export it without"));
+      needed.push_back(name);
     }
   }
+  if (needed.empty()) return;
+  diagnostics->Error(kFile, absl::StrCat("needs the extension", needed.size() == 1 ? " " : "s ",
+                                         absl::StrJoin(needed, " and "),
+                                         ", which Sheaf does not support; export it without"));
 }
 
 }  // namespace sheaf::gltf

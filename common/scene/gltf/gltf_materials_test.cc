@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 #include <variant>
 
@@ -113,9 +114,28 @@ TEST(GltfMaterialKindsTest, GlassDisperses) {
   EXPECT_EQ(read->scene.shapes[0].media.inside, 0);
 }
 
+// Light that crosses the thickness once is tinted where it enters and where it leaves.
+TEST(GltfMaterialKindsTest, BaseColorsOfGlassThatDispersesAreAbsorbed) {
+  const auto read = ReadMaterial(R"({"pbrMetallicRoughness": {"metallicFactor": 0,
+      "baseColorFactor": [0.5, 1, 0.8, 1]}, "extensions": {
+      "KHR_materials_transmission": {"transmissionFactor": 1},
+      "KHR_materials_volume": {"thicknessFactor": 2, "attenuationDistance": 1,
+                               "attenuationColor": [1, 0.5, 1]},
+      "KHR_materials_dispersion": {"dispersion": 2}}})");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_TRUE(std::holds_alternative<DielectricMaterial>(read->scene.materials[0].material));
+  ASSERT_EQ(read->scene.media.size(), 1u);
+  const Rgb sigma_a = read->scene.media[0].sigma_a.rgb;
+  const double expected[] = {0.25, 0.25, 0.64};
+  for (size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(std::exp(-2 * static_cast<double>(sigma_a[c])), expected[c], 1e-5);
+  }
+  EXPECT_THAT(testing::Notes(*read), HasSubstr("its base color is absorbed along its thickness"));
+}
+
 TEST(GltfMaterialKindsTest, OtherThanPlainGlassDoesNotDisperse) {
   const auto read = ReadMaterial(R"({"pbrMetallicRoughness": {"metallicFactor": 0,
-      "baseColorFactor": [1, 0, 0, 1]}, "extensions": {
+      "baseColorTexture": {"index": 0}}, "extensions": {
       "KHR_materials_transmission": {"transmissionFactor": 1},
       "KHR_materials_volume": {"thicknessFactor": 1},
       "KHR_materials_dispersion": {"dispersion": 2}}})");

@@ -27,6 +27,7 @@
 #include "common/scene/gltf/meshopt_views.h"
 #include "common/scene/gltf/node_tree.h"
 #include "common/scene/gltf/skipped_parts.h"
+#include "common/scene/gltf/thin_shapes.h"
 #include "common/scene/gltf/values.h"
 #include "common/scene/pbrt/principled_media.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
@@ -44,6 +45,8 @@ class Builder {
           const GltfView& view, const SceneReaderLimits& limits, Diagnostics* diagnostics,
           SceneDescription* scene)
       : model_(model),
+        main_file_(main_file),
+        files_(files),
         view_(view),
         diagnostics_(diagnostics),
         scene_(scene),
@@ -51,6 +54,7 @@ class Builder {
         textures_(&model, main_file, files, &accessors_, diagnostics, scene),
         materials_(&model, &textures_, &skipped_, diagnostics, scene),
         meshes_(&model, &accessors_, &skipped_, diagnostics, limits),
+        skins_(&model, &world_start_, &world_end_, &accessors_, diagnostics),
         placements_max_(limits.placements_max),
         placements_left_(limits.placements_max) {}
 
@@ -63,6 +67,9 @@ class Builder {
   void MakeDispersive() { materials_.MakeDispersive(); }
 
  private:
+  // Mesh, primitive, sets of uv, and whether its colors emit.
+  using MeshKey = std::tuple<int, size_t, UvSets, bool>;
+
   void AddAll() {
     CheckExtensions(model_, diagnostics_);
     if (!DecodeMeshoptViews(&model_, &accessors_, diagnostics_) ||
@@ -80,6 +87,7 @@ class Builder {
     world_start_ = tree->WorldMatrices(start_);
     world_end_ = moves_ ? tree->WorldMatrices(end_) : world_start_;
     CountUses(tree->shown());
+    scene_diagonal_ = SceneDiagonal(model_, tree->shown(), world_start_);
     for (const int node : tree->shown()) {
       if (diagnostics_->Exhausted()) return;
       AddMeshOf(node);
@@ -138,7 +146,7 @@ class Builder {
     }
     std::vector<TransformOverTime> places = {PlaceOf(n)};
     if (Instancing(node) != nullptr && !ReadInstances(node, what, &places)) return;
-    const Joints* const joints = JointsOf(node.skin, what);
+    const Joints* const joints = skins_.Get(node.skin, what);
     const tinygltf::Mesh& mesh = model_.meshes[static_cast<size_t>(node.mesh)];
     if (joints == nullptr || !ChargePlacements(mesh.primitives.size() * places.size())) return;
     std::vector<ShapeDescription> shapes;
@@ -147,15 +155,19 @@ class Builder {
       const tinygltf::Primitive& source = mesh.primitives[p];
       const Surface surface =
           materials_.Get(source.material, source.attributes.contains("COLOR_0"));
-      const Primitive* primitive = meshes_.Get(node.mesh, p, surface.uv_sets);
+      const PrimitiveUse use{surface.light_of_colors.has_value(),
+                             scene_diagonal_ / LargestScale(world_start_[static_cast<size_t>(n)])};
+      const Primitive* primitive = meshes_.Get(node.mesh, p, surface.uv_sets, use);
       if (primitive == nullptr) continue;
       ShapeDescription shape;
       shape.material = surface.material;
-      shape.area_light = surface.area_light;
+      shape.area_light = surface.light_of_colors ? LightOfColors(node.mesh, p, surface, *primitive)
+                                                 : surface.area_light;
       shape.alpha = surface.alpha;
       shape.has_alpha = surface.has_alpha;
       shape.location = {0, n + 1, static_cast<int32_t>(p) + 1};
-      emits = emits || surface.area_light != kNone;
+      emits = emits || shape.area_light != kNone;
+      const bool moves = moves_ && shape.area_light == kNone;
       const std::vector<double>& weights_start = WeightsOf(start_, n, mesh);
       const std::vector<double>& weights_end = WeightsOf(end_, n, mesh);
       const bool has_skin = !joints->start.empty() && primitive->influences > 0;
@@ -163,10 +175,11 @@ class Builder {
         is_shared = false;
         shape.shape = MeshShape{AddDeformed(
             Deformed(*primitive, weights_start, joints->start),
-            moves_ ? std::optional(Deformed(*primitive, weights_end, joints->end)) : std::nullopt,
+            moves ? std::optional(Deformed(*primitive, weights_end, joints->end)) : std::nullopt,
             *primitive)};
       } else {
-        shape.shape = MeshShape{MeshIndex(node.mesh, p, surface.uv_sets, *primitive)};
+        const MeshKey key(node.mesh, p, surface.uv_sets, use.emits_colors);
+        shape.shape = MeshShape{MeshIndex(key, *primitive)};
       }
       if (diagnostics_->HasErrors()) return;
       shapes.push_back(std::move(shape));
@@ -191,9 +204,29 @@ class Builder {
     return own.empty() ? mesh.weights : own;
   }
 
-  int32_t MeshIndex(int mesh, size_t primitive, UvSets sets, const Primitive& source) {
+  // The light of a primitive whose colors emit. kNone without them, or after an error.
+  int32_t LightOfColors(int mesh, size_t primitive, const Surface& surface,
+                        const Primitive& source) {
+    if (source.emission.empty()) return kNone;
     const auto [entry, is_new] =
-        mesh_indices_.try_emplace(std::tuple(mesh, primitive, sets), kNone);
+        lights_of_colors_.try_emplace(std::tuple(mesh, primitive, surface.material), kNone);
+    if (!is_new) return entry->second;
+    AreaLightDescription light = *surface.light_of_colors;
+    light.file = absl::StrCat(main_file_, ".colors-", mesh, "-", primitive, ".pfm");
+    const absl::Status status = files_->DerivedPath(light.file, source.emission).status();
+    if (absl::IsNotFound(status)) {
+      light.file.clear();  // A job that an earlier version submitted has no such file.
+    } else if (!status.ok()) {
+      diagnostics_->Error(kFile, std::string(status.message()));
+      return kNone;
+    }
+    entry->second = static_cast<int32_t>(scene_->area_lights.size());
+    scene_->area_lights.push_back(std::move(light));
+    return entry->second;
+  }
+
+  int32_t MeshIndex(const MeshKey& key, const Primitive& source) {
+    const auto [entry, is_new] = mesh_indices_.try_emplace(key, kNone);
     if (is_new && accessors_.Charge(BytesOf(source.mesh))) entry->second = AddMesh(source.mesh);
     return entry->second;
   }
@@ -255,6 +288,10 @@ class Builder {
       return;
     for (ShapeDescription shape : shapes) {
       shape.world_from_object = at;
+      if (shape.area_light != kNone && at.IsAnimated()) {
+        shape.world_from_object.end = at.start;
+        skipped_.Add(what, "what emits stays where it is while the shutter is open");
+      }
       AddBounds(shape, at.start);
       scene_->world_shapes.push_back(static_cast<int32_t>(scene_->shapes.size()));
       scene_->shapes.push_back(std::move(shape));
@@ -354,52 +391,9 @@ class Builder {
     return false;
   }
 
-  // For each joint of a skin the matrix from the mesh's space to the world; empty without a skin.
-  struct Joints {
-    bool is_valid = true;
-    std::vector<Matrix4> start, end;
-  };
-
-  // Null after an error, which is reported. skin: -1 for none.
-  const Joints* JointsOf(int skin, const std::string& what) {
-    const auto [entry, is_new] = joints_.try_emplace(skin);
-    if (is_new && skin >= 0) entry->second.is_valid = ReadSkin(skin, what, &entry->second);
-    return entry->second.is_valid ? &entry->second : nullptr;
-  }
-
-  bool ReadSkin(int index, const std::string& what, Joints* joints) {
-    if (!HasIndex(model_.skins, index)) {
-      diagnostics_->Error(kFile, absl::StrCat(what, " has the skin ", index,
-                                              ", which does not exist; export the file again"));
-      return false;
-    }
-    const tinygltf::Skin& skin = model_.skins[static_cast<size_t>(index)];
-    if (!accessors_.Charge(2 * skin.joints.size() * sizeof(Matrix4))) return false;
-    std::vector<float> inverse;
-    if (skin.inverseBindMatrices >= 0) {
-      auto read = accessors_.Floats(skin.inverseBindMatrices, 16,
-                                    Named("skin", index, skin.name) + ", inverse bind matrices");
-      if (!read) return false;
-      inverse = *std::move(read);
-    }
-    for (size_t j = 0; j < skin.joints.size(); ++j) {
-      if (!HasIndex(model_.nodes, skin.joints[j]) ||
-          (!inverse.empty() && inverse.size() < 16 * (j + 1))) {
-        diagnostics_->Error(kFile, absl::StrCat(Named("skin", index, skin.name), " has the joint ",
-                                                j, " without node or matrix; export it again"));
-        return false;
-      }
-      Matrix4 bind;
-      for (size_t k = 0; k < 16 && !inverse.empty(); ++k) {
-        bind.m[k % 4][k / 4] = static_cast<double>(inverse[16 * j + k]);
-      }
-      joints->start.push_back(world_start_[static_cast<size_t>(skin.joints[j])] * bind);
-      joints->end.push_back(world_end_[static_cast<size_t>(skin.joints[j])] * bind);
-    }
-    return true;
-  }
-
   tinygltf::Model& model_;
+  const std::string main_file_;
+  FileSource* files_;
   const GltfView& view_;
   Diagnostics* diagnostics_;
   SceneDescription* scene_;
@@ -408,18 +402,20 @@ class Builder {
   ImageTextures textures_;
   Materials materials_;
   Meshes meshes_;
+  Skins skins_;
   bool moves_ = false;
   std::vector<Pose> start_, end_;  // When the shutter opens and closes.
   std::vector<Matrix4> world_start_, world_end_;
   const uint64_t placements_max_;
   uint64_t placements_left_;
-  std::map<int, Joints> joints_;    // By skin.
   std::map<int, int> uses_;         // By mesh.
   std::map<int, int32_t> objects_;  // By mesh.
   std::set<std::string> object_names_;
-  std::map<std::tuple<int, size_t, UvSets>, int32_t> mesh_indices_;
+  std::map<MeshKey, int32_t> mesh_indices_;
+  std::map<std::tuple<int, size_t, int32_t>, int32_t> lights_of_colors_;  // By material, too.
   std::vector<Bounds> mesh_bounds_;  // As SceneDescription::meshes.
   Bounds bounds_;
+  double scene_diagonal_ = 1;
   float eye_distance_ = 0;
 };
 

@@ -230,20 +230,26 @@ TEST(GltfReaderTest, WhatIsLeftOutIsNotedOnceWithItsCount) {
   ASSERT_TRUE(read.ok()) << read.status();
   const std::string notes = Notes(*read);
   EXPECT_THAT(notes, HasSubstr("a.gltf: material 0, and 2 others: its occlusion has no effect"));
-  EXPECT_THAT(notes, HasSubstr("primitive 3, and 1 other: points and lines have no surface"));
+  EXPECT_THAT(notes, HasSubstr("primitive 3: points are spheres, 1/500 of the scene's diagonal"));
+  EXPECT_THAT(notes, HasSubstr("primitive 4: lines are tubes, 1/1000 of the scene's diagonal"));
   EXPECT_THAT(notes, HasSubstr("primitive 2: joints without weights"));
-  EXPECT_THAT(notes, HasSubstr("primitive 5: morph targets of uv and colors have no effect"));
+  EXPECT_THAT(notes, HasSubstr("primitive 4, and 1 other: morph targets of uv and colors"));
   EXPECT_THAT(notes, HasSubstr("node 1 \"other\", and 1 other: it is not of the scene that the "
                                "file shows, and is left out"));
 }
 
-// A file with variants has default materials; some exporters call the extension required.
-TEST(GltfReaderTest, VariantsShowTheDefaultMaterials) {
-  const auto read = Read(File(R"("materials": [{}], "nodes": [{"mesh": 0}], "scenes": [{"nodes":
-    [0]}], "extensionsUsed": ["KHR_materials_variants"],
-    "extensionsRequired": ["KHR_materials_variants"])"));
-  ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_THAT(Notes(*read), HasSubstr("the extension KHR_materials_variants has no effect"));
+// A file with variants or shaders has materials of the core format beside them; some exporters call
+// the extension required.
+TEST(GltfReaderTest, ChoicesShowTheDefaultMaterials) {
+  for (const std::string name :
+       {"KHR_materials_variants", "KHR_techniques_webgl", "EXT_structural_metadata"}) {
+    const auto read = Read(
+        File(absl::StrCat(R"("materials": [{}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}],
+        "extensionsUsed": [")",
+                          name, R"("], "extensionsRequired": [")", name, "\"]")));
+    ASSERT_TRUE(read.ok()) << read.status();
+    EXPECT_THAT(Notes(*read), HasSubstr("the extension " + name + " has no effect"));
+  }
 }
 
 TEST(GltfReaderTest, CamerasAndLights) {
@@ -387,6 +393,7 @@ TEST(GltfReaderTest, RefusesByName) {
       {R"({"buffers": {}, "meshes": {"m": {}}})", "a.gltf: is glTF 1.0, Sheaf reads 2.0"},
       {std::string(4000, '['), "nests JSON"},
       {"glTF", "too short"},
+      {std::string("glTF\x01\0\0\0\x14\0\0\0\0\0\0\0JSON", 20), "is glTF 1.0, Sheaf reads 2.0"},
       {File(R"("materials": [{}], "nodes": [{"mesh": 7}], "scenes": [{"nodes": [0]}])"), "mesh 7"},
       {File(R"("nodes": [{"children": [1]}, {"children": [0]}])"), "within itself"},
       {File(R"("nodes": [{"children": [2]}, {"children": [2]}, {}])"), "child of two"},
@@ -394,6 +401,15 @@ TEST(GltfReaderTest, RefusesByName) {
       {File(R"("nodes": [{"mesh": 0}], "extensionsUsed": ["ACME_x"],
         "extensionsRequired": ["ACME_x"])"),
        "needs the extension ACME_x"},
+      {File(R"("nodes": [{"mesh": 0}], "extensionsUsed": ["ACME_x", "ACME_y"],
+        "extensionsRequired": ["ACME_x", "ACME_y"])"),
+       "needs the extensions ACME_x and ACME_y, which Sheaf does not support"},
+      {File(kOneNode,
+            R"("meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": 7}]}],)"),
+       "has the mode 7, which is none of 0 to 6"},
+      {File(R"("materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}], "images": [{"uri": "rock.ktx2"}], "nodes": [{"mesh": 0}])"),
+       "image 0 is in KTX2"},
       {R"({"techniques": {"t": {}}})", "a.gltf: is glTF 1.0, Sheaf reads 2.0"},
       {File(kOneNode, kMesh, four), "has 4 elements, more than buffer view 0"},
       {File(R"("materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],

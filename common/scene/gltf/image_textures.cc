@@ -6,6 +6,7 @@
 #include <string_view>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "common/scene/gltf/document.h"
 #include "common/scene/gltf/values.h"
@@ -16,6 +17,7 @@ namespace {
 constexpr char kTransform[] = "KHR_texture_transform";
 constexpr char kBasis[] = "KHR_texture_basisu";
 constexpr char kWebp[] = "EXT_texture_webp";
+constexpr std::string_view kKtx2Magic = "\xabKTX 20\xbb";
 
 // uv' = offset + rotation * scale * uv, where v points downwards and the rotation is
 // counter-clockwise as seen. Source: KHR_texture_transform, and the model TextureTransformTest for
@@ -75,9 +77,18 @@ std::string ImageTextures::Fail(const std::string& what, const std::string& prob
   return "";
 }
 
+std::string ImageTextures::FailKtx2(const std::string& what, const std::string& which) {
+  if (has_ktx2_) return "";
+  has_ktx2_ = true;
+  return Fail(what, absl::StrCat(which,
+                                 " is in KTX2, which Sheaf does not read; convert it: "
+                                 "gltf-transform ktxdecompress in.glb out.glb"));
+}
+
 std::string ImageTextures::Derive(int image, const unsigned char* bytes, size_t size,
                                   const std::string& what) {
   const std::string_view content(reinterpret_cast<const char*>(bytes), size);
+  if (content.starts_with(kKtx2Magic)) return FailKtx2(what, absl::StrCat("image ", image));
   const std::string ending(EndingOf(content));
   if (ending.empty()) {
     return Fail(what, absl::StrCat("image ", image,
@@ -95,6 +106,9 @@ std::string ImageTextures::Derive(int image, const unsigned char* bytes, size_t 
 std::string ImageTextures::FileOfImage(int index, const std::string& what) {
   const tinygltf::Image& image = model_->images[static_cast<size_t>(index)];
   if (!image.image.empty()) return Derive(index, image.image.data(), image.image.size(), what);
+  if (image.bufferView < 0 && absl::EndsWithIgnoreCase(image.uri, ".ktx2")) {
+    return FailKtx2(what, absl::StrCat("image ", index));
+  }
   if (image.bufferView < 0) {
     const absl::StatusOr<std::string> name = NameOfUri(main_file_, image.uri);
     const absl::StatusOr<std::string> path = name.ok() ? files_->LocalPath(*name) : name.status();
@@ -125,9 +139,7 @@ std::string ImageTextures::FileOf(const TextureRef& ref, const std::string& what
     source = IndexOf(webp, "source");
   }
   if (source < 0 && Find(texture.extensions, kBasis) != nullptr) {
-    return Fail(what, absl::StrCat("texture ", ref.index, " is in KTX2 (", kBasis,
-                                   "), which Sheaf does not read; convert it: gltf-transform "
-                                   "ktxdecompress in.glb out.glb"));
+    return FailKtx2(what, absl::StrCat("texture ", ref.index, " (", kBasis, ")"));
   }
   if (!HasIndex(model_->images, source)) {
     return Fail(what, absl::StrCat("texture ", ref.index, " has no image; export the file again"));

@@ -61,6 +61,8 @@ class ImageTextures {
   std::string Derive(int image, const unsigned char* bytes, size_t size, const std::string& what);
   int32_t Add(const std::string& what, bool is_color, ColorRole role, ImageTexture image);
   std::string Fail(const std::string& what, const std::string& problem);
+  // The refusal of KTX2, once for the file. which: what is in it.
+  std::string FailKtx2(const std::string& what, const std::string& which);
 
   const tinygltf::Model* model_;
   const std::string main_file_;
@@ -69,6 +71,7 @@ class ImageTextures {
   Diagnostics* diagnostics_;
   SceneDescription* scene_;
   std::map<int, std::string> files_of_images_;
+  bool has_ktx2_ = false;  // It was refused.
 };
 
 }  // namespace sheaf::gltf

@@ -96,22 +96,42 @@ void Materials::SetSpecularGlossiness(const tinygltf::Material& source, const st
   }
 }
 
+// A base color tints glass where light enters and where it leaves; a dielectric has none.
+void Materials::AbsorbBaseColor(const tinygltf::Material& source, const std::string& what,
+                                PrincipledMaterial* m) {
+  const tinygltf::Value* volume = Find(source.extensions, "KHR_materials_volume");
+  const double thickness = NumberOf(volume, "thicknessFactor", 0);
+  const auto distance = static_cast<double>(m->attenuation_distance);
+  Rgb left = m->attenuation_color.rgb;
+  for (size_t c = 0; c < 3; ++c) {
+    const double before =
+        distance > 0 ? std::pow(static_cast<double>(left[c]), thickness / distance) : 1;
+    const auto base = static_cast<double>(m->base_color.value.rgb[c]);
+    left[c] = static_cast<float>(before * base * base);
+  }
+  m->attenuation_color = Color(left);
+  m->attenuation_distance = static_cast<float>(thickness);
+  Ignore(what, "its base color is absorbed along its thickness, as it disperses");
+}
+
 void Materials::NoteDispersion(const tinygltf::Material& source, const std::string& what,
-                               const PrincipledMaterial& m) {
+                               PrincipledMaterial* material) {
+  const PrincipledMaterial& m = *material;
   const tinygltf::Value* extension = Find(source.extensions, "KHR_materials_dispersion");
   const double dispersion = NumberOf(extension, "dispersion", 0);
-  if (!(dispersion > 0)) return;
+  if (!(dispersion > 0) || m.ior == 1) return;
   const bool is_glass = Is(m.transmission, 1) && !m.thin && Is(m.metallic, 0);
-  const bool is_plain = IsWhite(m.base_color) && m.roughness.texture == kNone &&
+  const bool is_plain = m.base_color.texture == kNone && m.roughness.texture == kNone &&
                         Is(m.specular, 1) && IsWhite(m.specular_tint) && Is(m.coat, 0) &&
                         Is(m.iridescence, 0) && m.sheen_color.texture == kNone &&
                         m.sheen_color.value.rgb.IsBlack();
   if (is_glass && is_plain) {
+    if (!IsWhite(m.base_color)) AbsorbBaseColor(source, what, material);
     dispersive_.emplace_back(static_cast<int32_t>(scene_->materials.size()), dispersion);
   } else {
     Ignore(what,
-           "its dispersion has no effect: only glass with a volume, without textures, layers and "
-           "a base color disperses; give it an attenuationColor");
+           "its dispersion has no effect: only glass with a volume, without textures and layers, "
+           "disperses");
   }
 }
 

@@ -49,6 +49,9 @@ int Materials::FirstSetOf(const tinygltf::Material& source) {
   const tinygltf::NormalTextureInfo& normals = source.normalTexture;
   const TextureRef normal = RefOf(normals.index, normals.texCoord, normals.extensions);
   if (normal.IsSet()) return normal.uv_set;
+  const TextureRef coat_normal =
+      RefOf(Find(source.extensions, "KHR_materials_clearcoat"), "clearcoatNormalTexture");
+  if (coat_normal.IsSet()) return coat_normal.uv_set;
   if (source.extensions.contains("KHR_materials_unlit")) {
     const TextureRef unlit = BaseColorTexture(source);
     return unlit.IsSet() ? unlit.uv_set : -1;
@@ -91,23 +94,16 @@ ColorInput Materials::ColorTimes(Rgb factor, TextureRef ref, const std::string& 
   return input;
 }
 
-int32_t Materials::AddVertexColor(const std::string& what, VertexColorTexture texture,
-                                  bool is_color) {
-  TextureDescription description;
-  description.name = what + ", vertices";
-  description.is_color = is_color;
-  description.location = kFile;
-  description.texture = std::move(texture);
-  scene_->textures.push_back(std::move(description));
-  return static_cast<int32_t>(scene_->textures.size()) - 1;
-}
-
 void Materials::TimesVertexColor(const std::string& what, ColorInput* input) {
-  if (has_colors_) input->texture = AddVertexColor(what, {.color = *input}, true);
+  if (has_colors_) {
+    input->texture = AddTexture(what + ", vertices", VertexColorTexture{.color = *input}, true);
+  }
 }
 
 void Materials::TimesVertexAlpha(const std::string& what, FloatInput* input) {
-  if (has_colors_) input->texture = AddVertexColor(what, {.value = *input}, false);
+  if (has_colors_) {
+    input->texture = AddTexture(what + ", vertices", VertexColorTexture{.value = *input}, false);
+  }
 }
 
 void Materials::SetBase(const tinygltf::Material& source, const std::string& what,
@@ -137,7 +133,8 @@ void Materials::SetOpacity(const tinygltf::Material& source, const std::string& 
       static_cast<float>(std::isfinite(source.alphaCutoff) ? source.alphaCutoff : 0.5);
   surface->has_alpha = true;
   surface->alpha.value = is_mask ? (factor >= cutoff ? 1.0f : 0.0f) : factor;
-  if (Uses(what + ", opacity", surface->area_light == kNone, &texture)) {
+  const bool emits = surface->area_light != kNone || surface->light_of_colors.has_value();
+  if (Uses(what + ", opacity", !emits, &texture)) {
     surface->alpha.texture = textures_->Channel(
         texture, 3, factor, is_mask ? std::optional<float>(cutoff) : std::nullopt,
         what + ", opacity");
@@ -185,13 +182,22 @@ void Materials::SetEmission(const tinygltf::Material& source, const std::string&
 void Materials::SetUnlit(const tinygltf::Material& source, const std::string& what,
                          Surface* surface, PrincipledMaterial* material) {
   Ignore(what, "is unlit (KHR_materials_unlit): it emits its color, and so lights other things");
-  if (has_colors_) Ignore(what, "colors of vertices (COLOR_0) have no effect on what it emits");
+  const bool emits_colors = has_colors_ && !BaseColorTexture(source).IsSet();
+  if (has_colors_ && !emits_colors) {
+    Ignore(what, "colors of vertices (COLOR_0) have no effect on the texture that it emits");
+  }
   material->base_color.value = Color({});
   material->metallic.value = 0;
   material->roughness.value = 1;
   material->specular.value = 0;
   AddLight(BaseColorFactor(source), BaseColorTexture(source), what + ", unlit color", source,
            surface);
+  if (!emits_colors || surface->area_light == kNone) return;
+  // Each primitive has a light of its own, with an image of its colors.
+  surface->light_of_colors = std::move(scene_->area_lights.back());
+  surface->light_of_colors->tint = BaseColorFactor(source);
+  scene_->area_lights.pop_back();
+  surface->area_light = kNone;
 }
 
 Surface Materials::Make(const tinygltf::Material& source, const std::string& what) {
@@ -218,10 +224,11 @@ Surface Materials::Make(const tinygltf::Material& source, const std::string& wha
       description.normal_map = textures_->NormalMap(normals, what + ", normal map");
       if (std::isfinite(info.scale)) description.normal_scale = static_cast<float>(info.scale);
     }
+    SetCoatNormals(source, what, &description);
   }
   SetOpacity(source, what, &surface);
   surface.uv_sets = {std::max(uv_set_, 0), second_uv_set_};
-  NoteDispersion(source, what, material);
+  NoteDispersion(source, what, &material);
   surface.material = static_cast<int32_t>(scene_->materials.size());
   description.material = std::move(material);
   scene_->materials.push_back(std::move(description));

@@ -8,6 +8,7 @@
 #include "common/scene/gltf/tinygltf_door.h"
 
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "common/scene/gltf/image_textures.h"
 #include "common/scene/gltf/meshes.h"
 #include "common/scene/gltf/skipped_parts.h"
+#include "common/scene/gltf/values.h"
 #include "common/scene/pbrt/syntax/diagnostics.h"
 #include "common/scene/scene_description.h"
 
@@ -26,6 +28,8 @@ struct Surface {
   FloatInput alpha{.value = 1};
   bool has_alpha = false;
   UvSets uv_sets = {};  // Which TEXCOORDs its textures use.
+  // In place of area_light: what an unlit material emits times the colors of the vertices.
+  std::optional<AreaLightDescription> light_of_colors = {};
 };
 
 class Materials {
@@ -68,14 +72,25 @@ class Materials {
                              PrincipledMaterial* material);
   // Whether the material, which will be the next one of the scene, is glass that disperses.
   void NoteDispersion(const tinygltf::Material& source, const std::string& what,
-                      const PrincipledMaterial& material);
+                      PrincipledMaterial* material);
+  // Adds the base color to what glass with a volume absorbs.
+  void AbsorbBaseColor(const tinygltf::Material& source, const std::string& what,
+                       PrincipledMaterial* material);
   void SetIridescence(const tinygltf::Material& source, const std::string& what,
                       PrincipledMaterial* material);
+  void SetCoat(const tinygltf::Material& source, const std::string& what,
+               PrincipledMaterial* material);
+  void SetAnisotropy(const tinygltf::Material& source, const std::string& what,
+                     PrincipledMaterial* material);
+  // After the normal map: the coat's normals, if they are others.
+  void SetCoatNormals(const tinygltf::Material& source, const std::string& what,
+                      MaterialDescription* description);
 
   // The input times the colors, or the alpha, of the vertices, if they have any.
   void TimesVertexColor(const std::string& what, ColorInput* input);
   void TimesVertexAlpha(const std::string& what, FloatInput* input);
-  int32_t AddVertexColor(const std::string& what, VertexColorTexture texture, bool is_color);
+  template <typename Texture>
+  int32_t AddTexture(const std::string& what, Texture texture, bool is_color);
   // The set of uv that textures use which cannot be of the second one: -1 if there is none.
   static int FirstSetOf(const tinygltf::Material& source);
   // Whether a texture's reference can be used, whose mapping becomes that of its set of uv.
@@ -99,5 +114,16 @@ class Materials {
   // The sets of the material that is being made; -1 until a texture is used.
   int uv_set_ = -1, second_uv_set_ = -1;
 };
+
+template <typename Texture>
+int32_t Materials::AddTexture(const std::string& what, Texture texture, bool is_color) {
+  TextureDescription description;
+  description.name = what;
+  description.is_color = is_color;
+  description.location = kFile;
+  description.texture = std::move(texture);
+  scene_->textures.push_back(std::move(description));
+  return static_cast<int32_t>(scene_->textures.size()) - 1;
+}
 
 }  // namespace sheaf::gltf

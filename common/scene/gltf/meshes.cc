@@ -6,7 +6,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "common/scene/gltf/thin_shapes.h"
 #include "common/scene/gltf/values.h"
+#include "common/scene/gltf/vertex_emission.h"
 
 namespace sheaf::gltf {
 namespace {
@@ -133,32 +135,26 @@ bool Meshes::ReadVertices(const tinygltf::Primitive& source, UvSets sets, const 
   return true;
 }
 
-bool Meshes::ReadTriangles(const tinygltf::Primitive& source, const std::string& what,
-                           TriangleMesh* mesh) {
-  const int mode = source.mode < 0 ? TINYGLTF_MODE_TRIANGLES : source.mode;
-  std::vector<uint32_t> list;
-  if (source.indices >= 0) {
-    std::optional<std::vector<uint32_t>> read =
-        accessors_->Integers(source.indices, 1, what + ", indices");
-    if (!read) return false;
-    list = *std::move(read);
-    for (const uint32_t index : list) {
-      if (index < mesh->positions.size()) continue;
-      diagnostics_->Error(
-          kFile, absl::StrCat(what, " has the index ", index, ", but only ", mesh->positions.size(),
-                              " vertices; export the file again"));
-      return false;
-    }
-  } else {
-    list.resize(mesh->positions.size());
+std::optional<std::vector<uint32_t>> Meshes::ReadList(const tinygltf::Primitive& source,
+                                                      size_t vertices, const std::string& what) {
+  if (source.indices < 0) {
+    std::vector<uint32_t> list(vertices);
     for (size_t i = 0; i < list.size(); ++i) list[i] = static_cast<uint32_t>(i);
+    return list;
   }
-  if (mode == TINYGLTF_MODE_TRIANGLES && list.size() % 3 != 0) {
-    skipped_->Add(what, "the last triangle lacks corners, and is left out");
+  std::optional<std::vector<uint32_t>> list =
+      accessors_->Integers(source.indices, 1, what + ", indices");
+  if (!list) return std::nullopt;
+  for (const uint32_t index : *list) {
+    if (index < vertices) continue;
+    diagnostics_->Error(kFile, absl::StrCat(what, " has the index ", index, ", but only ", vertices,
+                                            " vertices; export the file again"));
+    return std::nullopt;
   }
-  if (mode != TINYGLTF_MODE_TRIANGLES && !accessors_->Charge(8 * list.size())) return false;
-  mesh->indices = TrianglesOf(mode, std::move(list));
-  const size_t triangles = mesh->indices.size() / 3;
+  return list;
+}
+
+bool Meshes::ChargeTriangles(uint64_t triangles, const std::string& what) {
   if (triangles > triangles_left_) {
     diagnostics_->MemoryError(kFile, absl::StrCat(what,
                                                   ": the scene has more triangles than the "
@@ -166,6 +162,46 @@ bool Meshes::ReadTriangles(const tinygltf::Primitive& source, const std::string&
     return false;
   }
   triangles_left_ -= triangles;
+  return true;
+}
+
+bool Meshes::ReadTriangles(const tinygltf::Primitive& source, const std::string& what,
+                           TriangleMesh* mesh) {
+  const int mode = source.mode < 0 ? TINYGLTF_MODE_TRIANGLES : source.mode;
+  std::optional<std::vector<uint32_t>> list = ReadList(source, mesh->positions.size(), what);
+  if (!list) return false;
+  if (mode == TINYGLTF_MODE_TRIANGLES && list->size() % 3 != 0) {
+    skipped_->Add(what, "the last triangle lacks corners, and is left out");
+  }
+  if (mode != TINYGLTF_MODE_TRIANGLES && !accessors_->Charge(8 * list->size())) return false;
+  mesh->indices = TrianglesOf(mode, *std::move(list));
+  return ChargeTriangles(mesh->indices.size() / 3, what);
+}
+
+bool Meshes::Thicken(const tinygltf::Primitive& source, double scene_diagonal,
+                     const std::string& what, Primitive* primitive) {
+  const std::optional<std::vector<uint32_t>> list =
+      ReadList(source, primitive->mesh.positions.size(), what);
+  if (!list) return false;
+  const bool has_points = source.mode == TINYGLTF_MODE_POINTS;
+  const auto segments =
+      has_points ? decltype(SegmentsOf(0, *list))() : SegmentsOf(source.mode, *list);
+  const uint64_t triangles =
+      has_points ? kSphereTriangles * list->size() : kTubeTriangles * segments.size();
+  // Each triangle has a vertex of its own at most.
+  const uint64_t bytes_of_vertex =
+      2 * sizeof(Vec3f) + sizeof(Vec2f) + sizeof(VertexColor) + 3 * sizeof(uint32_t) +
+      primitive->targets.size() * sizeof(Vec3f) + primitive->influences * 2 * sizeof(float);
+  if (!ChargeTriangles(triangles, what) || !accessors_->Charge(triangles * bytes_of_vertex)) {
+    return false;
+  }
+  if (has_points) {
+    MakeSpheres(*list, static_cast<float>(scene_diagonal * kPointRadius), primitive);
+    skipped_->Add(what, "points are spheres, 1/500 of the scene's diagonal in radius");
+  } else {
+    MakeTubes(segments, static_cast<float>(scene_diagonal * kLineRadius), primitive);
+    skipped_->Add(what, "lines are tubes, 1/1000 of the scene's diagonal in radius");
+  }
   return true;
 }
 
@@ -245,36 +281,49 @@ bool Meshes::ReadInfluences(const tinygltf::Primitive& source, const std::string
   return true;
 }
 
-std::optional<Primitive> Meshes::Read(const Key& key, const std::string& what) {
+std::optional<Primitive> Meshes::Read(const Key& key, double scene_diagonal,
+                                      const std::string& what) {
   const tinygltf::Primitive& source =
       model_->meshes[static_cast<size_t>(key.mesh)].primitives[key.primitive];
   const int mode = source.mode < 0 ? TINYGLTF_MODE_TRIANGLES : source.mode;
-  if (mode < TINYGLTF_MODE_TRIANGLES || mode > TINYGLTF_MODE_TRIANGLE_FAN) {
-    skipped_->Add(what,
-                  "points and lines have no surface, and are left out; give them a thickness");
+  if (mode > TINYGLTF_MODE_TRIANGLE_FAN) {
+    diagnostics_->Error(kFile, absl::StrCat(what, " has the mode ", mode,
+                                            ", which is none of 0 to 6; export the file again"));
     return std::nullopt;
   }
+  const bool is_thin = mode < TINYGLTF_MODE_TRIANGLES;
   Primitive primitive;
   if (!ReadVertices(source, key.sets, what, &primitive.mesh) ||
-      !ReadTriangles(source, what, &primitive.mesh) || !ReadTargets(source, what, &primitive) ||
-      !ReadInfluences(source, what, &primitive)) {
+      (!is_thin && !ReadTriangles(source, what, &primitive.mesh)) ||
+      !ReadTargets(source, what, &primitive) || !ReadInfluences(source, what, &primitive) ||
+      (is_thin && !Thicken(source, scene_diagonal, what, &primitive))) {
     return std::nullopt;
   }
   if (primitive.mesh.indices.empty()) {
     skipped_->Add(what, "it has no triangles, and is left out");
     return std::nullopt;
   }
+  if (!key.emits_colors || primitive.mesh.colors.empty()) return primitive;
+  // At most three vertices a triangle, and its texels.
+  if (!accessors_->Charge(3 * BytesOf(primitive.mesh) + 16 * primitive.mesh.indices.size())) {
+    return std::nullopt;
+  }
+  primitive.emission = SeparateColors(&primitive);
+  if (primitive.emission.empty()) {
+    skipped_->Add(what, absl::StrCat("more than ", kEmissionSquaresMax,
+                                     " triangles of different colors emit none of them"));
+  }
   return primitive;
 }
 
-const Primitive* Meshes::Get(int mesh, size_t primitive, UvSets sets) {
-  const Key key{mesh, primitive, sets};
+const Primitive* Meshes::Get(int mesh, size_t primitive, UvSets sets, const PrimitiveUse& use) {
+  const Key key{mesh, primitive, sets, use.emits_colors};
   const auto [entry, is_new] = known_.try_emplace(key);
   if (is_new) {
     const std::string what =
         absl::StrCat(Named("mesh", mesh, model_->meshes[static_cast<size_t>(mesh)].name),
                      ", primitive ", primitive);
-    entry->second = Read(key, what);
+    entry->second = Read(key, use.scene_diagonal, what);
   }
   return entry->second ? &*entry->second : nullptr;
 }

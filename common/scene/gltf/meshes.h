@@ -35,6 +35,15 @@ struct Primitive {
   size_t influences = 0;
   std::vector<uint32_t> joints;
   std::vector<float> weights;
+  std::string emission;  // The image of PrimitiveUse::emits_colors, as PFM; empty without one.
+};
+
+// How a primitive is read beyond what the file says of it.
+struct PrimitiveUse {
+  // The material is unlit: an image over its uv is what its colors emit (vertex_emission.h).
+  bool emits_colors = false;
+  // The diagonal of the whole scene in the mesh's space, by which points and lines get a thickness.
+  double scene_diagonal = 1;
 };
 
 // Numbers of TEXCOORDs: of uv, and of a second set in place of colors (UvMapping::kSecondUv), if it
@@ -61,18 +70,20 @@ class Meshes {
         diagnostics_(diagnostics),
         triangles_left_(limits.triangles_max) {}
 
-  // Null if there is nothing to draw: after an error, which is reported, and for points and lines,
-  // with a note. sets: which TEXCOORDs become its uv. Read once for each pair.
-  const Primitive* Get(int mesh, size_t primitive, UvSets sets);
+  // Null if there is nothing to draw, and after an error, which is reported. Points and lines
+  // become spheres and tubes, with a note. sets: which TEXCOORDs become its uv. Read once for each
+  // mesh, primitive, sets and use.emits_colors, as it is used first.
+  const Primitive* Get(int mesh, size_t primitive, UvSets sets, const PrimitiveUse& use);
 
  private:
   struct Key {
     int mesh;
     size_t primitive;
     UvSets sets;
+    bool emits_colors;
     auto operator<=>(const Key&) const = default;
   };
-  std::optional<Primitive> Read(const Key& key, const std::string& what);
+  std::optional<Primitive> Read(const Key& key, double scene_diagonal, const std::string& what);
   bool ReadVertices(const tinygltf::Primitive& source, UvSets sets, const std::string& what,
                     TriangleMesh* mesh);
   // One vector for each vertex, none if the primitive has no such set.
@@ -81,8 +92,14 @@ class Meshes {
   // Tangents' fourth number, the side of v, follows from the uv.
   bool ReadTangents(int accessor, const std::string& what, TriangleMesh* mesh);
   bool ReadColors(int accessor, const std::string& what, TriangleMesh* mesh);
+  std::optional<std::vector<uint32_t>> ReadList(const tinygltf::Primitive& source, size_t vertices,
+                                                const std::string& what);
   bool ReadTriangles(const tinygltf::Primitive& source, const std::string& what,
                      TriangleMesh* mesh);
+  // Spheres and tubes in place of points and lines.
+  bool Thicken(const tinygltf::Primitive& source, double scene_diagonal, const std::string& what,
+               Primitive* primitive);
+  bool ChargeTriangles(uint64_t triangles, const std::string& what);
   bool ReadTargets(const tinygltf::Primitive& source, const std::string& what,
                    Primitive* primitive);
   bool ReadInfluences(const tinygltf::Primitive& source, const std::string& what,

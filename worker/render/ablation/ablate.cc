@@ -179,6 +179,7 @@ void RemoveCurves(SceneDescription* scene) {
 void SmoothSurfaces(SceneDescription* scene) {
   for (MaterialDescription& material : scene->materials) {
     material.normal_map = kNone;
+    material.coat_normals.reset();
     material.displacement = {0, kNone};
   }
 }

@@ -7,6 +7,8 @@
 // with the normal at +z and point away from the surface; wo is where light goes (to the camera).
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <optional>
 
@@ -74,6 +76,21 @@ struct PrincipledTop {
   float coat, specular;
 };
 
+// The unit normal of a coat, in the shading frame of what it covers, by its x and y in 1/32767.
+struct CoatTilt {
+  int16_t x = 0, y = 0;
+
+  bool IsFlat() const { return x == 0 && y == 0; }
+  // n: unit, above the frame's horizon.
+  static CoatTilt Of(Vec3f n) {
+    return {static_cast<int16_t>(n.x * 32767), static_cast<int16_t>(n.y * 32767)};
+  }
+  Vec3f Normal() const {
+    const float nx = static_cast<float>(x) / 32767, ny = static_cast<float>(y) / 32767;
+    return {nx, ny, std::sqrt(std::max(0.0f, 1 - nx * nx - ny * ny))};
+  }
+};
+
 // Plain and small; fields are used by kind (material.h makes it). Row pointers belong to the
 // material table; where blend > 0 the row that follows in memory counts with that weight.
 struct BsdfShape {
@@ -86,6 +103,7 @@ struct BsdfShape {
   float eta = 1;  // Relative index, inside over outside of the surface's +z side.
   // Weight of the second row of the tables below. Principled: weight of the thin film.
   float blend = 0;
+  CoatTilt coat_tilt;  // Principled: flat, unless the coat is rough.
   // Coats: never null. Conductors and dielectrics: null for single scattering alone; for conductors
   // with a row, color is the tint that repeated reflection gives the returned energy.
   union {

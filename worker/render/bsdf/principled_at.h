@@ -11,6 +11,7 @@
 #include <cmath>
 #include <optional>
 
+#include "common/math/frame.h"
 #include "worker/render/bsdf/bsdf.h"
 #include "worker/render/bsdf/bsdf_sampling.h"
 #include "worker/render/bsdf/fresnel.h"
@@ -38,7 +39,10 @@ class PrincipledAt {
   static constexpr float kInvPi = static_cast<float>(1 / kPi);
 
   // The share that sheen and coat leave to the base, of light at a cosine.
-  float Below(float mu) const { return BelowSheen(mu) * (1 - bsdf_.top.coat * CoatAlbedoAt(mu)); }
+  // coat_mu: to the coat's normal.
+  float Below(float mu, float coat_mu) const {
+    return BelowSheen(mu) * (1 - bsdf_.top.coat * CoatAlbedoAt(coat_mu));
+  }
   float BelowSheen(float mu) const {
     return s_.has_sheen ? 1 - sheen_max_ * s_.sheen.albedo.At(FindMu(mu)) : 1;
   }
@@ -47,8 +51,11 @@ class PrincipledAt {
     return s_.coat.IsSmooth() ? FresnelDielectric(mu, s_.coat_eta).reflectance
                               : s_.coat_albedo.At(FindMu(mu));
   }
+  // Turns the directions at the coat to its own normal.
+  void TiltCoat(bool inside);
   void SetProbabilities();
   void AddReflections(Vec3f wi, BsdfValueOf<Color>* value) const;
+  void AddCoat(Vec3f wi, BsdfValueOf<Color>* value) const;
   void AddSheet(Vec3f wi, BsdfValueOf<Color>* value) const;
   void AddSolid(Vec3f wi, BsdfValueOf<Color>* value) const;
   void AddSolidReturn(Vec3f wi, BsdfValueOf<Color>* value) const;
@@ -86,6 +93,9 @@ class PrincipledAt {
   const BsdfOf<Color>& bsdf_;
   const PrincipledSurface& s_;
   const Vec3f wo_;
+  Vec3f coat_o_;      // wo in coat_frame_.
+  Frame coat_frame_;  // The coat's normal, if it has one of its own.
+  bool coat_tilted_ = false;
   const MuPosition o_;
   const Ggx ggx_;
   const PrincipledShares<Color> shares_;
@@ -120,6 +130,7 @@ PrincipledAt<Color>::PrincipledAt(const BsdfOf<Color>& bsdf, Vec3f wo, bool insi
     : bsdf_(bsdf),
       s_(*bsdf.principled),
       wo_(wo),
+      coat_o_(wo),
       o_(FindMu(wo.z)),
       ggx_{bsdf.alpha_x, bsdf.alpha_y},
       shares_(bsdf) {
@@ -132,8 +143,9 @@ PrincipledAt<Color>::PrincipledAt(const BsdfOf<Color>& bsdf, Vec3f wo, bool insi
   side_eta_ = within_ ? 1 / s_.rise.eta : s_.rise.eta;
   if (s_.has_sheen) sheen_max_ = std::min(1.0f, MaxComponent(bsdf.conductor_k));
   if (!within_) {
+    if (!bsdf.coat_tilt.IsFlat()) TiltCoat(inside);
     below_sheen_ = BelowSheen(wo.z);
-    below_ = Below(wo.z);
+    below_ = Below(wo.z, coat_o_.z);
   }
   const BlendedLoss loss = shares_.MirrorLoss();
   const float average_loss = loss.Average();
@@ -160,13 +172,29 @@ PrincipledAt<Color>::PrincipledAt(const BsdfOf<Color>& bsdf, Vec3f wo, bool insi
 }
 
 template <typename Color>
+void PrincipledAt<Color>::TiltCoat(bool inside) {
+  Vec3f n = bsdf_.coat_tilt.Normal();
+  // Seen from below, the frame's z is turned over, and the normal points to that side.
+  if (inside) n = {-n.x, -n.y, n.z};
+  if (s_.turned) {
+    n = {s_.turn.cos * n.x + s_.turn.sin * n.y, s_.turn.cos * n.y - s_.turn.sin * n.x, n.z};
+  }
+  const Frame frame = Frame::FromNormal(n);
+  const Vec3f o = frame.ToLocal(wo_);
+  coat_tilted_ = o.z > 0;
+  if (!coat_tilted_) return;
+  coat_frame_ = frame;
+  coat_o_ = o;
+}
+
+template <typename Color>
 void PrincipledAt<Color>::SetProbabilities() {
   // Glass is chosen as often from either side: only so are its delta lobes reversible.
   probability_[kGlass] = glass_ * below_;
   std::array<float, kGlass> weight{};
   if (!within_) {
     if (s_.has_sheen) weight[kSheen] = sheen_max_ * s_.sheen.albedo.At(o_);
-    weight[kCoat] = below_sheen_ * bsdf_.top.coat * CoatAlbedoAt(wo_.z);
+    weight[kCoat] = below_sheen_ * bsdf_.top.coat * CoatAlbedoAt(coat_o_.z);
   }
   if (metal_ + opaque_ > 0) {
     Color reflected = Color::Gray(0);
@@ -229,12 +257,7 @@ void PrincipledAt<Color>::AddReflections(Vec3f wi, BsdfValueOf<Color>* value) co
     value->f_cos += bsdf_.conductor_k * s_.sheen.Value(wo_, wi);
     value->pdf += probability_[kSheen] * s_.sheen.lobe.Pdf(i, wi.z);
   }
-  if (!within_ && bsdf_.top.coat > 0 && !s_.coat.IsSmooth()) {
-    const float d = s_.coat.D(m), f = FresnelDielectric(cosine, s_.coat_eta).reflectance;
-    value->f_cos +=
-        Color::Gray(below_sheen_ * bsdf_.top.coat * f * d * s_.coat.G2Over4Cos(wo_, wi) * wi.z);
-    value->pdf += probability_[kCoat] * 0.5f * d / (wo_.z + s_.coat.S(wo_));
-  }
+  if (!within_ && bsdf_.top.coat > 0 && !s_.coat.IsSmooth()) AddCoat(wi, value);
   if (metal_ + opaque_ > 0 && !smooth_) {
     const float d = ggx_.D(m);
     value->f_cos += BaseFresnel(cosine) * (below_ * d * ggx_.G2Over4Cos(wo_, wi) * wi.z);
@@ -252,6 +275,18 @@ void PrincipledAt<Color>::AddReflections(Vec3f wi, BsdfValueOf<Color>* value) co
 }
 
 template <typename Color>
+void PrincipledAt<Color>::AddCoat(Vec3f wi, BsdfValueOf<Color>* value) const {
+  const Vec3f i = coat_tilted_ ? coat_frame_.ToLocal(wi) : wi;
+  if (!(i.z > 0)) return;
+  const Vec3f m = Normalize(coat_o_ + i);
+  const float cosine = std::min(1.0f, Dot(coat_o_, m));
+  const float d = s_.coat.D(m), f = FresnelDielectric(cosine, s_.coat_eta).reflectance;
+  value->f_cos +=
+      Color::Gray(below_sheen_ * bsdf_.top.coat * f * d * s_.coat.G2Over4Cos(coat_o_, i) * i.z);
+  value->pdf += probability_[kCoat] * 0.5f * d / (coat_o_.z + s_.coat.S(coat_o_));
+}
+
+template <typename Color>
 std::optional<BsdfSampleOf<Color>> PrincipledAt<Color>::Sample(float u_lobe, Vec2f u) const {
   // The number that chooses the part is spent again within it.
   size_t part = 0;
@@ -266,7 +301,8 @@ std::optional<BsdfSampleOf<Color>> PrincipledAt<Color>::Sample(float u_lobe, Vec
       break;
     case kCoat:
       if (s_.coat.IsSmooth()) return SampleDelta(kCoat, rest);
-      wi = Reflect(wo_, s_.coat.SampleVisibleNormal(wo_, u));
+      wi = Reflect(coat_o_, s_.coat.SampleVisibleNormal(coat_o_, u));
+      if (coat_tilted_) wi = coat_frame_.ToWorld(*wi);
       break;
     case kReflection:
       if (smooth_) return SampleDelta(kReflection, rest);
@@ -308,7 +344,8 @@ std::optional<BsdfSampleOf<Color>> PrincipledAt<Color>::SampleDelta(Part part, f
   const Color f = s_.thin ? SheetFresnel(wo_.z) : GlassFresnel(wo_.z);
   const DielectricFresnel fresnel = FresnelDielectric(wo_.z, side_eta_);
   // Light that leaves a solid passes its layers, which reflect the rest back into it.
-  const float leaving = within_ ? Below(std::min(1.0f, fresnel.cos_t)) : 1;
+  const float cos_out = std::min(1.0f, fresnel.cos_t);
+  const float leaving = within_ ? Below(cos_out, cos_out) : 1;
   const float p_cross = (1 - MeanComponent(f)) * leaving;
   if (u >= p_cross || (!s_.thin && !(fresnel.cos_t > 0))) {
     const Color reflected = f + OneMinus(f) * (1 - leaving);

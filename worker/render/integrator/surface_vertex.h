@@ -7,7 +7,6 @@
 
 #include <array>
 #include <optional>
-#include <type_traits>
 
 #include "common/film/film_tile.h"
 #include "worker/render/bsdf/perturbed_normal.h"
@@ -86,8 +85,7 @@ struct SurfaceVertex {
 
   // Sets the shading frame, for a path that arrives along -wo. Call once, after the BSDF is known.
   void Prepare(const Context<C>& c, Vec3f wo);
-  // The vertex as a path sees it that arrives along -wo, for Eval. Requires:
-  // kSeenFromElsewhere.
+  // The vertex as a path sees it that arrives along -wo, for Eval. Requires: kSeenFromElsewhere.
   SurfaceVertex SeenFrom(const Context<C>& c, Vec3f wo) const;
   // Whether a specular sample, which led to wi, leads back from there. Requires: kBothEnds.
   bool IsReversible(const Context<C>& c, Vec3f wi, uint8_t flags) const {
@@ -203,6 +201,9 @@ typename SurfaceVertex<C>::OptionalNormal SurfaceVertex<C>::ApplyMap(const Conte
                                                         TexturePointOf(c, point), choice.mix, seen);
   const Vec3f n = BendNormal(LiftNormal(mapped, point.ng), point.ng, wo);
   point.shading = internal::ShadingFrame(n, seen);
+  if constexpr (C::Has(Trait::kPrincipled))
+    c.scene.materials->TiltCoat(point.surface->material, TexturePointOf(c, point), choice.mix, seen,
+                                {point.shading, point.ng, wo}, &bsdf);
   return TiltTo(c, PerturbedNormal::Source::kMap);
 }
 
@@ -364,8 +365,7 @@ template <typename C>
 bool SurfaceVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   const std::array<float, 4> u = c.sampler.Get4(Slot(LastVertexIndex(*path), VertexSlot::kBsdf));
   float roulette_scale = path->roulette_scale, density_scale = 1;
-  const std::optional<BsdfSampleOf<Color>> sample =
-      SampleDirection(u, &density_scale, &roulette_scale);
+  const auto sample = SampleDirection(u, &density_scale, &roulette_scale);
   if (!sample.has_value()) return false;
   const Vec3f wi = point.shading.ToWorld(sample->wi);
   if (!AgreesOnSide(sample->wi.z, Dot(wi, point.ng))) return false;

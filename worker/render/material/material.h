@@ -7,9 +7,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/math/frame.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
 #include "worker/render/bsdf/bsdf.h"
@@ -24,6 +26,12 @@ struct TexturePoint {
   Vec2d uv_shift{};  // Added to uv, whose last digit may be larger.
   VertexColor color{1, 1, 1, 1};
   Vec3f ng{};  // Unit geometric normal in world space, of either sign; 0 where there is no surface.
+};
+
+// From where the coat of a surface is seen.
+struct CoatView {
+  const Frame& shading;  // The frame of the layer that the coat covers.
+  Vec3f ng, wo;          // Unit: the geometric normal, and where light goes; in the frame's space.
 };
 
 struct MaterialOptions {
@@ -57,6 +65,13 @@ class MaterialTable {
   // are mirrored.
   Vec3f ShadingNormal(int32_t material, const TexturePoint& point, float u_mix,
                       const TangentPlane& plane) const;
+  // Likewise the normal of a principled material's coat, if it has normals of its own.
+  std::optional<Vec3f> CoatNormal(int32_t material, const TexturePoint& point, float u_mix,
+                                  const TangentPlane& plane) const;
+  // Sets coat_tilt of a principled Bsdf by CoatNormal, bent so that what wo sees of the coat is
+  // above the surface.
+  void TiltCoat(int32_t material, const TexturePoint& point, float u_mix, const TangentPlane& plane,
+                const CoatView& view, BsdfShape* bsdf) const;
   // The single-scattering albedo of a subsurface medium at the point where a path enters, for a
   // reflectance that is a texture. Requires: it is.
   Rgb SubsurfaceAlbedo(int32_t material, const TexturePoint& point,

@@ -54,6 +54,11 @@ class MaterialBuilder {
   }
 
   absl::Status SetBumps(CompiledMaterial* m) const {
+    m->coat_normals = description_->coat_normals;
+    if (m->coat_normals && m->coat_normals->map != kNone &&
+        textures_.ImageChannels(m->coat_normals->map) < 3) {
+      return Error("its coat's normal map has no red, green and blue; give an image in color");
+    }
     m->normal_map = description_->normal_map;
     m->normal_scale = description_->normal_scale;
     if (m->normal_map != kNone) {
@@ -330,7 +335,8 @@ class MaterialBuilder {
 
   absl::Status Fill(const PrincipledMaterial& d, CompiledMaterial* m) {
     m->kind = BsdfKind::kPrincipled;
-    const PrincipledOptions options{options_.spectral, !options_.single_scattering};
+    const PrincipledOptions options{options_.spectral, !options_.single_scattering,
+                                    description_->coat_normals.has_value()};
     const absl::StatusOr<const CompiledPrincipled*> principled =
         CompilePrincipled(d, textures_, options, &tables_.principled);
     if (!principled.ok()) return Error(std::string(principled.status().message()));

@@ -63,6 +63,7 @@ struct CompiledMaterial {
   // Normal or bump map: at most one of the two.
   int32_t normal_map = kNone;  // Texture.
   float normal_scale = 1;
+  std::optional<CoatNormals> coat_normals;
   FloatOperand displacement;
   TextureProgram::SlopeScale slope_scale;
   Bsdf constant;

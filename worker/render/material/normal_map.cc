@@ -8,6 +8,7 @@
 // bump map.
 #include <cmath>
 
+#include "worker/render/bsdf/perturbed_normal.h"
 #include "worker/render/material/material.h"
 #include "worker/render/material/material_impl.h"
 
@@ -68,6 +69,32 @@ Vec3f MaterialTable::ShadingNormal(int32_t material, const TexturePoint& point, 
   }
   // Flat texels return exactly the unperturbed normal.
   return IsUsable(n) && n != plane.n ? ToFloat(n / Length(n)) : plain;
+}
+
+std::optional<Vec3f> MaterialTable::CoatNormal(int32_t material, const TexturePoint& point,
+                                               float u_mix, const TangentPlane& plane) const {
+  if (material == kNone || !plane.has_tangents) return std::nullopt;
+  const TextureProgram& textures = *impl_->textures;
+  const CompiledMaterial& chosen =
+      ChooseMaterial(impl_->materials, textures, material, point, u_mix);
+  if (!chosen.coat_normals) return std::nullopt;
+  const Vec3f plain = ToFloat(plane.n);
+  if (chosen.coat_normals->map == kNone) return plain;
+  const Vec3d n = NormalOfTexel(textures.Value<Rgb>({chosen.coat_normals->map, {}, {}}, point, {}),
+                                static_cast<double>(chosen.coat_normals->scale), plane);
+  return IsUsable(n) && n != plane.n ? ToFloat(n / Length(n)) : plain;
+}
+
+void MaterialTable::TiltCoat(int32_t material, const TexturePoint& point, float u_mix,
+                             const TangentPlane& plane, const CoatView& view,
+                             BsdfShape* bsdf) const {
+  if (bsdf->kind != BsdfKind::kPrincipled || bsdf->top.coat == 0) return;
+  bsdf->coat_tilt = {};
+  const std::optional<Vec3f> mapped = CoatNormal(material, point, u_mix, plane);
+  if (!mapped) return;
+  const Vec3f n = BendNormal(LiftNormal(*mapped, view.ng), view.ng, view.wo);
+  const Vec3f local = view.shading.ToLocal(n);
+  if (local.z > 0) bsdf->coat_tilt = CoatTilt::Of(local);
 }
 
 }  // namespace sheaf::render

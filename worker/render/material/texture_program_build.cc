@@ -40,9 +40,14 @@ class TextureProgram::Builder {
         states_(scene.textures.size()),
         costs_(scene.textures.size(), 1),
         is_normal_map_(scene.textures.size()) {
+    const auto note = [this](int32_t texture) {
+      if (texture != kNone) is_normal_map_[static_cast<size_t>(texture)] = true;
+    };
     for (const MaterialDescription& material : scene.materials) {
-      if (material.normal_map == kNone) continue;
-      is_normal_map_[static_cast<size_t>(material.normal_map)] = true;
+      note(material.normal_map);
+      if (material.coat_normals) note(material.coat_normals->map);
+      const auto* principled = std::get_if<PrincipledMaterial>(&material.material);
+      if (principled != nullptr) note(principled->anisotropy_direction);
     }
     program_.cache_ = &cache;
     program_.spectral_ = spectral;

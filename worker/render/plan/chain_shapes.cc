@@ -81,7 +81,8 @@ std::string WhyNoCaster(const SceneDescription& scene, const ShapeDescription& s
   const MaterialDescription& material = scene.materials[shape.material];
   if (!in_world) return "it belongs to an object";
   if (shape.world_from_object.IsAnimated() || Deforms(scene, shape)) return "it moves";
-  if (material.normal_map != kNone || !IsZero(material.displacement))
+  if (material.normal_map != kNone || material.coat_normals.has_value() ||
+      !IsZero(material.displacement))
     return "its normals have a map";
   if (shape.has_alpha) return "it has cut-outs";
   if (shape.area_light != kNone) return "it emits light";

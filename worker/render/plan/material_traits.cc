@@ -30,7 +30,8 @@ class NeedsCollector {
       needs_.may_pass = has_priority_ = true;
     }
     std::visit([this](const auto& m) { Add(m); }, description.material);
-    if (description.normal_map != kNone || description.displacement.texture != kNone) {
+    if (description.normal_map != kNone || description.displacement.texture != kNone ||
+        description.coat_normals.has_value()) {
       needs_.traits |= Bit(Trait::kNormalMaps);
       needs_.has_normal_map = needs_.reads_textures = true;
     }
@@ -134,12 +135,15 @@ class NeedsCollector {
   void Add(const PrincipledMaterial& m) {
     needs_.traits |= Bit(Trait::kPrincipled);
     needs_.is_boundary |= m.transmission.texture != kNone || m.transmission.value > 0;
-    needs_.anisotropic |= m.anisotropy > 0;
+    needs_.anisotropic |= m.anisotropy.texture != kNone || m.anisotropy.value > 0;
+    needs_.reads_textures |= m.anisotropy_direction != kNone;
     ReadReflectance(m.base_color);
     ReadReflectance(m.specular_tint);
     ReadReflectance(m.sheen_color);
     for (const FloatInput* input :
-         {&m.metallic, &m.roughness, &m.specular, &m.transmission, &m.coat, &m.iridescence}) {
+         {&m.metallic, &m.roughness, &m.specular, &m.transmission, &m.coat, &m.iridescence,
+          &m.anisotropy, &m.rotation_radians, &m.coat_roughness, &m.sheen_roughness,
+          &m.iridescence_thickness_nm}) {
       Read(*input);
     }
   }
