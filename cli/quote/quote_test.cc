@@ -80,6 +80,19 @@ TEST(QuoteTest, TableHasARowPerErrorAndABasisLine) {
             "time for all of the farm's 8 threads; nothing is denoised\n");
 }
 
+// The first round has the same samples for each error that it reaches.
+TEST(QuoteTest, ErrorsOfTheSameSamplesAreOneRow) {
+  Quote quote = MakeTestQuote();
+  QuoteRow strict = quote.rows[0];
+  strict.target_error = quote.rows[0].target_error / 4;
+  quote.rows.insert(quote.rows.begin() + 1, strict);
+  const std::string text = FormatQuote(quote);
+  EXPECT_EQ(text.find("relMSE 0.02)"), std::string::npos) << text;
+  EXPECT_NE(text.find("relMSE 0.005)"), std::string::npos) << text;
+  quote.rows[1].cpu_seconds.value *= 2;
+  EXPECT_NE(FormatQuote(quote).find("relMSE 0.02)"), std::string::npos);
+}
+
 TEST(QuoteTest, LeastErrorInATimeFollowsPowerLaws) {
   // Between the two the time grows as error^-1.5.
   const std::vector<ErrorTime> known = {{0.04, 10}, {0.01, 80}};

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -39,6 +40,18 @@ std::string ErrorOf(const QuoteRow& row) {
   return absl::StrFormat("%s (%s to %s; relMSE %.2g): %s", FormatPixelError(error.value),
                          FormatPixelError(error.low), FormatPixelError(error.high), error.value,
                          NoiseWords(error.value));
+}
+
+// Whether the next row promises a smaller error for the same samples, as where both are reached by
+// the first round.
+bool IsWithinNext(const std::vector<QuoteRow>& rows, size_t i) {
+  if (i + 1 >= rows.size()) return false;
+  const QuoteRow &row = rows[i], &next = rows[i + 1];
+  const auto is_target = [](const QuoteRow& r) {
+    return r.target_error > 0 && r.denoised_error == 0 && r.reached;
+  };
+  return is_target(row) && is_target(next) && next.target_error < row.target_error &&
+         next.samples.value == row.samples.value && next.cpu_seconds.value == row.cpu_seconds.value;
 }
 
 std::string FormatRow(const QuoteRow& row) {
@@ -89,7 +102,9 @@ std::string FormatQuote(const Quote& quote) {
       absl::StrFormat("%-*s %-*s %*s  %s\n", kTimeColumns, "wall time (80 % band)", kTimeColumns,
                       quote.start ? "additional CPU time (80 % band)" : "CPU time (80 % band)",
                       kSamplesColumns, "samples", "error of a pixel");
-  for (const QuoteRow& row : quote.rows) text += FormatRow(row);
+  for (size_t i = 0; i < quote.rows.size(); ++i) {
+    if (!IsWithinNext(quote.rows, i)) text += FormatRow(quote.rows[i]);
+  }
   absl::StrAppendFormat(&text, "%d x %d px", quote.width_px, quote.height_px);
   if (quote.frame_count > 1) {
     absl::StrAppendFormat(&text, ", %d frames, %d of them in the pilot", quote.frame_count,

@@ -196,6 +196,21 @@ def _(file):
     file.node(mesh=square(file))
 
 
+@model("lines.glb", "lines are tubes")
+def _(file):
+    file.node(mesh=square(file, indices=None, mode=2))
+
+
+@model("unlit-colors.glb", "KHR_materials_unlit")
+def _(file):
+    mesh = square(file, material=file.add(
+        "materials", {"extensions": {"KHR_materials_unlit": {}}, "doubleSided": True}))
+    file.extension("KHR_materials_unlit")
+    file.json["meshes"][mesh]["primitives"][0]["attributes"]["COLOR_0"] = file.accessor(
+        [255, 0, 0, 0, 255, 0, 0, 0, 255, 255, 255, 255], "VEC3", 5121, normalized=True)
+    file.node(mesh=mesh)
+
+
 @model("white.glb")
 def _(file):
     file.node(mesh=sphere(file, {"pbrMetallicRoughness": {"metallicFactor": 0}}))

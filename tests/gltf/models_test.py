@@ -129,6 +129,19 @@ class ModelsTest(unittest.TestCase):
         self.assertGreater(middle - background, 25)
         self.assertGreater(top - middle, 15)
 
+    def test_colors_of_unlit_vertices_are_seen(self):
+        png = self.path("unlit.png")
+        code, text = sheaf("render", self.path("unlit-colors.glb"), "--size", "64x48",
+                           "--samples", "16", "--environment", "none", "--exposure", "0",
+                           "--png", png, "-o", self.path("unlit.exr"))
+        self.assertEqual(code, 0, text)
+        levels = b"".join(png_rows(png))
+        pixels = list(zip(levels[0::3], levels[1::3], levels[2::3]))
+        for channel in range(3):
+            others = [c for c in range(3) if c != channel]
+            self.assertTrue(any(p[channel] > 200 and max(p[c] for c in others) < 110
+                                for p in pixels), "no corner of channel %d" % channel)
+
     def test_frames_are_times(self):
         code, text = sheaf("render", self.path("animation.glb"), *SMALL, "--fps", "4", "--frames",
                            "1,3", "-o", self.path("a.####.exr"))

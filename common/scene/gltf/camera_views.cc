@@ -98,6 +98,8 @@ void Frame(const Bounds& bounds, const GltfView& view, Diagnostics* diagnostics,
   const Vec3d eye = center + Normalize(Vec3d{0.5, 0.4, 1}) * (kAir * radius / std::sin(half));
   Matrix4 matrix;
   if (LookAtMatrix(eye, center, {0, 1, 0}, &matrix)) {
+    // pbrt's x points to the left in a right-handed world.
+    for (auto& row : matrix.m) row[0] = -row[0];
     scene->camera.world_from_camera.start = scene->camera.world_from_camera.end = matrix;
   }
   diagnostics->Note(kFile, "has no camera; one that sees the whole scene is used");

@@ -41,10 +41,10 @@ constexpr const char* kKnownExtensions[] = {
 // Those that have messages of their own where they are used.
 constexpr const char* kNamedElsewhere[] = {"KHR_texture_basisu"};
 // Those whose files have all that is needed without them, even if they call them required: the
-// shaders of KHR_techniques_webgl stand beside materials of the core format, and metadata is not
-// seen.
+// shaders of KHR_techniques_webgl stand beside materials of the core format, metadata is not
+// seen, and an origin (CESIUM_RTC) moves the file as a whole.
 constexpr const char* kChoices[] = {"KHR_materials_variants", "KHR_techniques_webgl",
-                                    "EXT_structural_metadata"};
+                                    "EXT_structural_metadata", "CESIUM_RTC"};
 
 template <typename List>
 bool Contains(const List& list, const std::string& name) {

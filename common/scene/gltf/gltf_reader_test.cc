@@ -238,11 +238,21 @@ TEST(GltfReaderTest, WhatIsLeftOutIsNotedOnceWithItsCount) {
                                "file shows, and is left out"));
 }
 
+// Regression: files without a camera were seen as in a mirror.
+TEST(GltfReaderTest, OurOwnCameraSeesRightOnTheRight) {
+  const auto read = Read(File(kOneNode));
+  ASSERT_TRUE(read.ok()) << read.status();
+  const Matrix4& matrix = read->scene.camera.world_from_camera.start;
+  EXPECT_GT(matrix.m[0][0], 0.8);  // x, seen from the front.
+  EXPECT_GT(matrix.m[1][1], 0.8);  // y, up.
+  EXPECT_LT(matrix.m[2][2], -0.8);
+}
+
 // A file with variants or shaders has materials of the core format beside them; some exporters call
 // the extension required.
 TEST(GltfReaderTest, ChoicesShowTheDefaultMaterials) {
-  for (const std::string name :
-       {"KHR_materials_variants", "KHR_techniques_webgl", "EXT_structural_metadata"}) {
+  for (const std::string name : {"KHR_materials_variants", "KHR_techniques_webgl",
+                                 "EXT_structural_metadata", "CESIUM_RTC"}) {
     const auto read = Read(
         File(absl::StrCat(R"("materials": [{}], "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}],
         "extensionsUsed": [")",

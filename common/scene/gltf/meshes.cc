@@ -145,8 +145,19 @@ std::optional<std::vector<uint32_t>> Meshes::ReadList(const tinygltf::Primitive&
   std::optional<std::vector<uint32_t>> list =
       accessors_->Integers(source.indices, 1, what + ", indices");
   if (!list) return std::nullopt;
-  for (const uint32_t index : *list) {
+  // Lines start again behind the greatest index of a type (EXT_mesh_primitive_restart), which the
+  // core format forbids.
+  const bool is_thin = source.mode >= 0 && source.mode < TINYGLTF_MODE_TRIANGLES;
+  const int type = model_->accessors[static_cast<size_t>(source.indices)].componentType;
+  const uint32_t greatest = type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE    ? 0xff
+                            : type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT ? 0xffff
+                                                                             : kRestart;
+  for (uint32_t& index : *list) {
     if (index < vertices) continue;
+    if (is_thin && index == greatest) {
+      index = kRestart;
+      continue;
+    }
     diagnostics_->Error(kFile, absl::StrCat(what, " has the index ", index, ", but only ", vertices,
                                             " vertices; export the file again"));
     return std::nullopt;
@@ -186,15 +197,18 @@ bool Meshes::Thicken(const tinygltf::Primitive& source, double scene_diagonal,
   const bool has_points = source.mode == TINYGLTF_MODE_POINTS;
   const auto segments =
       has_points ? decltype(SegmentsOf(0, *list))() : SegmentsOf(source.mode, *list);
-  const uint64_t triangles =
-      has_points ? kSphereTriangles * list->size() : kTubeTriangles * segments.size();
-  // Each triangle has a vertex of its own at most.
-  const uint64_t bytes_of_vertex =
-      2 * sizeof(Vec3f) + sizeof(Vec2f) + sizeof(VertexColor) + 3 * sizeof(uint32_t) +
-      primitive->targets.size() * sizeof(Vec3f) + primitive->influences * 2 * sizeof(float);
-  if (!ChargeTriangles(triangles, what) || !accessors_->Charge(triangles * bytes_of_vertex)) {
+  const ThinCost cost = has_points ? CostOfPoints(list->size()) : CostOfSegments(segments.size());
+  const TriangleMesh& mesh = primitive->mesh;
+  const uint64_t bytes_of_vertex = 2 * sizeof(Vec3f) + (mesh.uvs.empty() ? 0 : sizeof(Vec2f)) +
+                                   (mesh.colors.empty() ? 0 : sizeof(VertexColor)) +
+                                   primitive->targets.size() * sizeof(Vec3f) +
+                                   primitive->influences * 2 * sizeof(float);
+  if (!ChargeTriangles(cost.triangles, what) ||
+      !accessors_->Charge(cost.vertices * bytes_of_vertex +
+                          3 * sizeof(uint32_t) * cost.triangles)) {
     return false;
   }
+  if (!(scene_diagonal > 0)) scene_diagonal = DiagonalOf(primitive->mesh.positions);
   if (has_points) {
     MakeSpheres(*list, static_cast<float>(scene_diagonal * kPointRadius), primitive);
     skipped_->Add(what, "points are spheres, 1/500 of the scene's diagonal in radius");

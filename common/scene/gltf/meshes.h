@@ -42,7 +42,8 @@ struct Primitive {
 struct PrimitiveUse {
   // The material is unlit: an image over its uv is what its colors emit (vertex_emission.h).
   bool emits_colors = false;
-  // The diagonal of the whole scene in the mesh's space, by which points and lines get a thickness.
+  // The diagonal of the whole scene in the mesh's space, by which points and lines get a thickness;
+  // 0: that of the primitive counts.
   double scene_diagonal = 1;
 };
 

@@ -13,26 +13,53 @@
 namespace sheaf::gltf {
 namespace {
 
-constexpr size_t kTubeSides = kTubeTriangles / 2;
+// A closed shape by its corners, of any length, and its faces, counter-clockwise from outside.
+struct Solid {
+  std::vector<Vec3f> corners;
+  std::vector<std::array<uint32_t, 3>> faces;
+};
 
-// The corners of an icosahedron, of any length, and its faces, counter-clockwise from outside.
-constexpr float kGolden = 1.618034f;
-constexpr std::array<Vec3f, 12> kIcosahedron = {{{-1, kGolden, 0},
-                                                 {1, kGolden, 0},
-                                                 {-1, -kGolden, 0},
-                                                 {1, -kGolden, 0},
-                                                 {0, -1, kGolden},
-                                                 {0, 1, kGolden},
-                                                 {0, -1, -kGolden},
-                                                 {0, 1, -kGolden},
-                                                 {kGolden, 0, -1},
-                                                 {kGolden, 0, 1},
-                                                 {-kGolden, 0, -1},
-                                                 {-kGolden, 0, 1}}};
-constexpr std::array<std::array<uint32_t, 3>, kSphereTriangles> kFaces = {
-    {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
-     {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
-     {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}}};
+Solid Icosahedron() {
+  constexpr float kGolden = 1.618034f;
+  return {{{-1, kGolden, 0},
+           {1, kGolden, 0},
+           {-1, -kGolden, 0},
+           {1, -kGolden, 0},
+           {0, -1, kGolden},
+           {0, 1, kGolden},
+           {0, -1, -kGolden},
+           {0, 1, -kGolden},
+           {kGolden, 0, -1},
+           {kGolden, 0, 1},
+           {-kGolden, 0, -1},
+           {-kGolden, 0, 1}},
+          {{0, 11, 5},  {0, 5, 1},  {0, 1, 7},  {0, 7, 10}, {0, 10, 11}, {1, 5, 9}, {5, 11, 4},
+           {11, 10, 2}, {10, 7, 6}, {7, 1, 8},  {3, 9, 4},  {3, 4, 2},   {3, 2, 6}, {3, 6, 8},
+           {3, 8, 9},   {4, 9, 5},  {2, 4, 11}, {6, 2, 10}, {8, 6, 7},   {9, 8, 1}}};
+}
+
+Solid Octahedron() {
+  return {{{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}},
+          {{0, 2, 4}, {2, 1, 4}, {1, 3, 4}, {3, 0, 4}, {2, 0, 5}, {1, 2, 5}, {3, 1, 5}, {0, 3, 5}}};
+}
+
+struct Box {
+  Vec3d low{}, high{};
+  bool is_empty = true;
+
+  void Add(Vec3d p) {
+    for (size_t c = 0; c < 3; ++c) {
+      low[c] = is_empty ? p[c] : std::min(low[c], p[c]);
+      high[c] = is_empty ? p[c] : std::max(high[c], p[c]);
+    }
+    is_empty = false;
+  }
+  // 0 if it is not finite.
+  double Diagonal() const {
+    const double diagonal = Length(high - low);
+    return std::isfinite(diagonal) ? diagonal : 0;
+  }
+};
 
 // A primitive whose vertices are made from those of another one.
 class Expansion {
@@ -73,15 +100,7 @@ class Expansion {
 
 double SceneDiagonal(const tinygltf::Model& model, const std::vector<int>& shown,
                      const std::vector<Matrix4>& world) {
-  Vec3d low{0, 0, 0}, high{0, 0, 0};
-  bool is_empty = true;
-  const auto add = [&](Vec3d p) {
-    for (size_t c = 0; c < 3; ++c) {
-      low[c] = is_empty ? p[c] : std::min(low[c], p[c]);
-      high[c] = is_empty ? p[c] : std::max(high[c], p[c]);
-    }
-    is_empty = false;
-  };
+  Box box;
   for (const int n : shown) {
     const tinygltf::Node& node = model.nodes[static_cast<size_t>(n)];
     if (!HasIndex(model.meshes, node.mesh)) continue;
@@ -95,12 +114,18 @@ double SceneDiagonal(const tinygltf::Model& model, const std::vector<int>& shown
         const auto at = [&](size_t c) {
           return (corner >> c & 1) != 0 ? accessor.minValues[c] : accessor.maxValues[c];
         };
-        add(TransformPoint(world[static_cast<size_t>(n)], {at(0), at(1), at(2)}));
+        box.Add(TransformPoint(world[static_cast<size_t>(n)], {at(0), at(1), at(2)}));
       }
     }
   }
-  const double diagonal = Length(high - low);
-  return diagonal > 0 && std::isfinite(diagonal) ? diagonal : 1;
+  return box.Diagonal();
+}
+
+double DiagonalOf(const std::vector<Vec3f>& points) {
+  Box box;
+  for (const Vec3f& p : points) box.Add(ToDouble(p));
+  const double diagonal = box.Diagonal();
+  return diagonal > 0 ? diagonal : 1;
 }
 
 double LargestScale(const Matrix4& world) {
@@ -114,22 +139,30 @@ double LargestScale(const Matrix4& world) {
 std::vector<std::pair<uint32_t, uint32_t>> SegmentsOf(int mode, const std::vector<uint32_t>& list) {
   std::vector<std::pair<uint32_t, uint32_t>> segments;
   const size_t step = mode == TINYGLTF_MODE_LINE ? 2 : 1;
-  for (size_t i = 0; i + 1 < list.size(); i += step) segments.emplace_back(list[i], list[i + 1]);
-  if (mode == TINYGLTF_MODE_LINE_LOOP && list.size() > 2) {
-    segments.emplace_back(list.back(), list.front());
+  for (size_t begin = 0; begin < list.size();) {
+    const auto restart =
+        std::find(list.begin() + static_cast<int64_t>(begin), list.end(), kRestart);
+    const auto end = static_cast<size_t>(restart - list.begin());
+    for (size_t i = begin; i + 1 < end; i += step) segments.emplace_back(list[i], list[i + 1]);
+    if (mode == TINYGLTF_MODE_LINE_LOOP && end > begin + 2) {
+      segments.emplace_back(list[end - 1], list[begin]);
+    }
+    begin = end + 1;
   }
   return segments;
 }
 
 void MakeSpheres(const std::vector<uint32_t>& points, float radius, Primitive* primitive) {
   Expansion expansion(*primitive);
+  const Solid solid = points.size() <= kRoundMax ? Icosahedron() : Octahedron();
+  std::vector<uint32_t> made(solid.corners.size());
   for (const uint32_t point : points) {
-    std::array<uint32_t, kIcosahedron.size()> corners{};
-    for (size_t i = 0; i < corners.size(); ++i) {
-      corners[i] = expansion.Add(point, Normalize(kIcosahedron[i]), radius);
+    if (point == kRestart) continue;
+    for (size_t i = 0; i < made.size(); ++i) {
+      made[i] = expansion.Add(point, Normalize(solid.corners[i]), radius);
     }
-    for (const auto& face : kFaces) {
-      expansion.AddTriangle(corners[face[0]], corners[face[1]], corners[face[2]]);
+    for (const auto& face : solid.faces) {
+      expansion.AddTriangle(made[face[0]], made[face[1]], made[face[2]]);
     }
   }
   *primitive = expansion.Take();
@@ -139,20 +172,22 @@ void MakeTubes(const std::vector<std::pair<uint32_t, uint32_t>>& segments, float
                Primitive* primitive) {
   Expansion expansion(*primitive);
   const std::vector<Vec3f>& positions = primitive->mesh.positions;
+  const size_t sides = segments.size() <= kRoundMax ? 6 : 3;
+  std::vector<uint32_t> at_first(sides), at_second(sides);
   for (const auto& [first, second] : segments) {
     const Vec3f along = positions[second] - positions[first];
     const float length = Length(along);
     if (!(length > 0) || !std::isfinite(length)) continue;
     const sheaf::Frame frame = sheaf::Frame::FromNormal(along * (1 / length));
-    std::array<uint32_t, kTubeSides> at_first{}, at_second{};
-    for (size_t i = 0; i < kTubeSides; ++i) {
-      const auto turn = SinCos(static_cast<float>(2 * kPi) * static_cast<float>(i) / kTubeSides);
+    for (size_t i = 0; i < sides; ++i) {
+      const auto turn =
+          SinCos(static_cast<float>(2 * kPi) * static_cast<float>(i) / static_cast<float>(sides));
       const Vec3f normal = turn.cos * frame.t + turn.sin * frame.b;
       at_first[i] = expansion.Add(first, normal, radius);
       at_second[i] = expansion.Add(second, normal, radius);
     }
-    for (size_t i = 0; i < kTubeSides; ++i) {
-      const size_t next = (i + 1) % kTubeSides;
+    for (size_t i = 0; i < sides; ++i) {
+      const size_t next = (i + 1) % sides;
       expansion.AddTriangle(at_first[i], at_first[next], at_second[i]);
       expansion.AddTriangle(at_first[next], at_second[next], at_second[i]);
     }

@@ -18,18 +18,38 @@ namespace sheaf::gltf {
 
 // Radii of points and of lines, in diagonals of the box of all that is shown.
 inline constexpr double kPointRadius = 1.0 / 500, kLineRadius = 1.0 / 1000;
-// Triangles of one point's sphere, and of one segment of a line.
-inline constexpr size_t kSphereTriangles = 20, kTubeTriangles = 12;
+// The points of a primitive that are icosahedra, and the segments with six sides, at most; where there
+// are more, all are octahedra, and have three sides.
+inline constexpr size_t kRoundMax = 4096;
+// Between the vertices of a strip or a loop, which starts again behind it.
+inline constexpr uint32_t kRestart = 0xffffffff;
+
+// The triangles and vertices that this many points or segments become.
+struct ThinCost {
+  uint64_t triangles, vertices;
+};
+inline ThinCost CostOfPoints(uint64_t points) {
+  return points <= kRoundMax ? ThinCost{20 * points, 12 * points}
+                             : ThinCost{8 * points, 6 * points};
+}
+inline ThinCost CostOfSegments(uint64_t segments) {
+  const uint64_t sides = segments <= kRoundMax ? 6 : 3;
+  return {2 * sides * segments, 2 * sides * segments};
+}
 
 // The diagonal of the box of the positions of the shown nodes, by the bounds that the file gives,
-// in the world; 1 if that is 0. world: by node.
+// in the world; 0 without bounds. world: by node.
 double SceneDiagonal(const tinygltf::Model& model, const std::vector<int>& shown,
                      const std::vector<Matrix4>& world);
+
+// The diagonal of the box of the points; 1 if that is 0.
+double DiagonalOf(const std::vector<Vec3f>& points);
 
 // The length of the longest of the axes of a node's space, in the world; 1 if that is 0.
 double LargestScale(const Matrix4& world);
 
-// The ends of the segments of a list of vertices. mode: lines, a loop or a strip.
+// The ends of the segments of a list of vertices, or of several, separated by kRestart. mode:
+// lines, a loop or a strip.
 std::vector<std::pair<uint32_t, uint32_t>> SegmentsOf(int mode, const std::vector<uint32_t>& list);
 
 // Puts spheres in place of the listed vertices. All else that a vertex has, its sphere has, too;

@@ -11,7 +11,9 @@
 #include <cstring>
 #include <memory>
 #include <string>
+#include <utility>
 #include <variant>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "common/base/file.h"
@@ -46,7 +48,7 @@ TEST(GltfThinShapesTest, PointsAreSpheresOfOneSizeInTheWorld) {
   const auto read = ReadMode(0, R"(, "scale": [4, 4, 4])");
   ASSERT_TRUE(read.ok()) << read.status();
   const TriangleMesh& mesh = read->scene.meshes[0];
-  ASSERT_EQ(mesh.indices.size(), 3 * 3 * gltf::kSphereTriangles);
+  ASSERT_EQ(mesh.indices.size(), 3 * gltf::CostOfPoints(3).triangles);
   ASSERT_EQ(mesh.positions.size(), 36u);
   ASSERT_EQ(mesh.colors.size(), 36u);
   // The scene's diagonal is 4 sqrt(2), that of the mesh a quarter of it.
@@ -75,9 +77,9 @@ TEST(GltfThinShapesTest, LinesAreTubes) {
     const auto read = ReadMode(mode, "");
     ASSERT_TRUE(read.ok()) << read.status();
     const TriangleMesh& mesh = read->scene.meshes[0];
-    EXPECT_EQ(mesh.indices.size(), 3 * segments * gltf::kTubeTriangles) << mode;
+    EXPECT_EQ(mesh.indices.size(), 3 * gltf::CostOfSegments(segments).triangles) << mode;
     // The first segment is along x.
-    for (size_t v = 0; v < gltf::kTubeTriangles; ++v) {
+    for (size_t v = 0; v < gltf::CostOfSegments(1).vertices; ++v) {
       const Vec3f p = mesh.positions[v];
       EXPECT_NEAR(std::sqrt(p.y * p.y + p.z * p.z), std::sqrt(2.0) * gltf::kLineRadius, 1e-6);
     }
@@ -89,10 +91,42 @@ TEST(GltfThinShapesTest, LinesAreTubes) {
   }
 }
 
-// Without bounds, and where everything is one point, the diagonal counts as 1.
+TEST(GltfThinShapesTest, LinesStartAgain) {
+  const uint32_t restart = gltf::kRestart;
+  using Segments = std::vector<std::pair<uint32_t, uint32_t>>;
+  EXPECT_EQ(gltf::SegmentsOf(TINYGLTF_MODE_LINE_STRIP, {0, 1, 2, restart, 3, 4}),
+            (Segments{{0, 1}, {1, 2}, {3, 4}}));
+  EXPECT_EQ(gltf::SegmentsOf(TINYGLTF_MODE_LINE_LOOP, {0, 1, 2, restart, restart, 3, 4}),
+            (Segments{{0, 1}, {1, 2}, {2, 0}, {3, 4}}));
+}
+
+// Many points and segments have fewer triangles each, whose faces are seen from outside as well.
+TEST(GltfThinShapesTest, ManyAreLessRound) {
+  gltf::Primitive primitive;
+  primitive.mesh.positions = {{0, 0, 0}, {1, 0, 0}};
+  gltf::Primitive lines = primitive;
+  const size_t count = gltf::kRoundMax + 1;
+  gltf::MakeSpheres(std::vector<uint32_t>(count, 1), 0.5f, &primitive);
+  gltf::MakeTubes(std::vector<std::pair<uint32_t, uint32_t>>(count, {0, 1}), 0.5f, &lines);
+  EXPECT_EQ(primitive.mesh.positions.size(), gltf::CostOfPoints(count).vertices);
+  EXPECT_EQ(primitive.mesh.indices.size(), 3 * gltf::CostOfPoints(count).triangles);
+  EXPECT_EQ(lines.mesh.positions.size(), gltf::CostOfSegments(count).vertices);
+  EXPECT_EQ(lines.mesh.indices.size(), 3 * gltf::CostOfSegments(count).triangles);
+  for (const TriangleMesh& mesh : {primitive.mesh, lines.mesh}) {
+    for (size_t t = 0; t < 24; t += 3) {
+      const Vec3f a = mesh.positions[mesh.indices[t]], b = mesh.positions[mesh.indices[t + 1]],
+                  c = mesh.positions[mesh.indices[t + 2]];
+      EXPECT_GT(Dot(Cross(b - a, c - a), mesh.normals[mesh.indices[t]]), 0);
+    }
+  }
+}
+
+// Without bounds the primitive's own positions count, and 1 where they are one point.
 TEST(GltfThinShapesTest, ThicknessNeedsNoBounds) {
   tinygltf::Model model;
-  EXPECT_EQ(gltf::SceneDiagonal(model, {}, {}), 1);
+  EXPECT_EQ(gltf::SceneDiagonal(model, {}, {}), 0);
+  EXPECT_EQ(gltf::DiagonalOf({{1, 2, 3}, {4, 2, 7}}), 5);
+  EXPECT_EQ(gltf::DiagonalOf({{1, 2, 3}}), 1);
   Matrix4 nothing;
   for (auto& row : nothing.m) row.fill(0);
   EXPECT_EQ(gltf::LargestScale(nothing), 1);
