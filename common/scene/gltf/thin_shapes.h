@@ -18,8 +18,8 @@ namespace sheaf::gltf {
 
 // Radii of points and of lines, in diagonals of the box of all that is shown.
 inline constexpr double kPointRadius = 1.0 / 500, kLineRadius = 1.0 / 1000;
-// The points of a primitive that are icosahedra, and the segments with six sides, at most; where there
-// are more, all are octahedra, and have three sides.
+// The points of a primitive that are icosahedra, and the segments with six sides, at most; where
+// there are more, all are octahedra, and have three sides.
 inline constexpr size_t kRoundMax = 4096;
 // Between the vertices of a strip or a loop, which starts again behind it.
 inline constexpr uint32_t kRestart = 0xffffffff;
