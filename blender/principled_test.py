@@ -157,6 +157,8 @@ class PrincipledTest(unittest.TestCase):
         tinted = self.made(coat=0.5, coat_tint=(1.0, 0.5, 0.0))
         numpy.testing.assert_allclose(dict(tinted.colors)["base_color"], (0.8, 0.3, 0.05))
         self.assertIn("Coat Tint", self.says())
+        tinted = self.made(coat=0.5, coat_tint=0.5)  # A number that is linked to the color.
+        numpy.testing.assert_allclose(dict(tinted.colors)["base_color"], (0.6, 0.3, 0.075))
         cloth = dict(self.made(sheen=1.0, sheen_tint=(0.5, 1.0, 0.5)).colors)["sheen_color"]
         numpy.testing.assert_allclose(cloth, (0.415, 0.83, 0.415))  # The default roughness, 0.5.
         self.assertNotIn("Sheen", self.says())

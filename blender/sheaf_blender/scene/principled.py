@@ -345,7 +345,7 @@ class _Reader:
     def _below_coat(self, color):
         """The color as a tinted coat shows it at normal incidence."""
         inputs = self.inputs
-        tint, weight = inputs.coat_tint, _within(inputs.coat)
+        tint, weight = values.color(inputs.coat_tint), _within(inputs.coat)
         if weight == 0.0 or tint == WHITE:
             return color
         if not values.is_constant(tint) or not values.is_constant(weight):
