@@ -198,6 +198,11 @@ def submit_frames(sheaf, pattern, frames, options, title, address, insecure):
             [m.text for m in process.messages])
 
 
+def check_farm(sheaf, address, insecure):
+    """Raises SheafError if the coordinator does not answer."""
+    program.call(sheaf, ["list", "--limit", "1", *program.address_arguments(address, insecure)])
+
+
 def job_state(sheaf, name, address, insecure, created=""):
     """The JSON of a job. created: its create_time when it was submitted, if that is known; numbers
     are given again when a coordinator's state is replaced. Raises SheafError.

@@ -59,6 +59,7 @@ class SubmitFrames(_SheafOperator):
     def _submit(self, context, folder):
         scene = context.scene
         sheaf, address, insecure = _farm(context)
+        jobs.check_farm(sheaf, address, insecure)  # Before minutes of exporting.
         pattern = os.path.join(folder, "frame.####.pbrt")
         frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
         options = [*engine.job_options(scene, context.view_layer),

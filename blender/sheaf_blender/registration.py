@@ -5,6 +5,7 @@ import bpy
 
 from . import engine, operators, panels
 from .farm import program
+from .scene import techniques
 
 
 class SheafPreferences(bpy.types.AddonPreferences):
@@ -45,18 +46,14 @@ class SheafSettings(bpy.types.PropertyGroup):
         default="SAMPLES")
     samples: bpy.props.IntProperty(name="Samples", min=1, max=65536, default=128)
     target_error_percent: bpy.props.FloatProperty(name="Error (%)", min=0.1, max=100, default=10)
-    max_depth: bpy.props.IntProperty(name="Bounces", min=0, max=100, default=12)
+    max_depth: bpy.props.IntProperty(name="Bounces", min=0, max=100, default=12,
+                                     description="A limit for each path, whatever it "
+                                     "meets: Total of Cycles")
     seed: bpy.props.IntProperty(name="Seed", min=0, default=0)
-    techniques: bpy.props.EnumProperty(name="Techniques", items=[
-        ("default", "default", "auto for large frames, else those of paths from the camera"),
-        *((name, name, "") for name in (
-            "camera", "auto", "camera+light", "camera+light+merging",
-            "camera+light+emission-guiding", "camera+light+merging+emission-guiding",
-             "camera+sharing", "camera+sharing+views", "camera+mutations", "camera+chains",
-             "camera+product",
-             "camera+learned-lights", "camera+light+learned-lights",
-            "camera+guiding", "camera+light+guiding", "camera+light+guiding+merging",
-            "camera+guiding+splitting", "camera+light+guiding+splitting"))], default="default")
+    techniques: bpy.props.EnumProperty(
+        name="Techniques", items=techniques.ITEMS, default="default",
+        description="How light is found. All give the same image in the end, with more or less "
+        "noise for the time")
     filter_type: bpy.props.EnumProperty(name="Pixel Filter", items=(
         ("BLACKMAN_HARRIS", "Blackman-Harris", "The Gaussian of the same width"),
         ("GAUSSIAN", "Gaussian", ""), ("BOX", "Box", "")), default="BLACKMAN_HARRIS")

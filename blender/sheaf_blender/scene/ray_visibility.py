@@ -36,7 +36,7 @@ def hidden_from_world(visibility):
     return {ray for ray, name in names.items() if not getattr(visibility, name, True)}
 
 
-UNKNOWING = {"light", "merging", "emission-guiding", "sharing", "views", "mutations"}
+UNKNOWING = {"light", "merging", "emission-guiding", "sharing", "views", "mutations", "chains"}
 
 
 def known_techniques(options):
