@@ -9,6 +9,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <variant>
@@ -279,6 +280,9 @@ struct CameraDescription {
   double screen_window[4] = {-1, 1, -1, 1};  // x0 x1 y0 y1, from the aspect ratio.
   float shutter_open = 0, shutter_close = 1;
   int32_t medium = kNone;  // Index in media: the medium around the camera.
+  // The camera's rays begin at the first and end at the second of these planes: camera space z,
+  // distances from a spherical camera. 0 <= near_clip < far_clip.
+  float near_clip = 0, far_clip = std::numeric_limits<float>::infinity();
   // The opening of the shutter: (time, openness) pairs, linear in between; time runs from 0 at
   // shutter_open to 1 at shutter_close, ascending. Empty: fully open throughout.
   std::vector<Vec2f> shutter_shape;
@@ -286,6 +290,7 @@ struct CameraDescription {
 
   bool IsSpherical() const { return kind == Kind::kEquirectangular || kind == Kind::kEqualArea; }
   bool IsRealistic() const { return kind == Kind::kRealistic; }
+  bool Clips() const { return near_clip > 0 || far_clip < std::numeric_limits<float>::infinity(); }
 };
 struct FilterDescription {
   enum class Kind { kBox, kTriangle, kGaussian, kMitchell, kSinc } kind = Kind::kGaussian;

@@ -7,6 +7,7 @@
 #include <functional>
 #include <numbers>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "common/math/transform.h"
@@ -114,6 +115,34 @@ void ExpectUnderDisks(int32_t (*material)(TestScene*), RayKinds kind, bool from_
 
 TEST(RayVisibilityStability, L44DiffuseRays) {
   ExpectUnderDisks(GrayFloor, kDiffuse, false, "a floor under a disk");
+}
+
+// Two skies, each of which some rays do not see.
+TEST(RayVisibilityStability, L44SkiesOfTheirOwn) {
+  DiskScene t(GrayFloor);
+  t.ConstantEnvironment(Rgb::Gray(1));
+  t.ConstantEnvironment(Rgb::Gray(4));
+  for (const auto& [first, second, expected] :
+       {std::tuple<RayKinds, RayKinds, double>{kDiffuse, kCamera, 4},
+        {kCamera, kDiffuse, 1},
+        {kGlossy, 0, 5},
+        {kDiffuse, kDiffuse | kCamera, 0}}) {
+    t.scene.lights[0].invisible = first;
+    t.scene.lights[1].invisible = second;
+    for (const TileMean& mean : MeansByTechnique(t.scene, SquareSettings(8, kFloorSamples, 2))) {
+      ExpectHardCase({.row = "L44",
+                      .figure = "a floor under two skies, of which it sees " + InWords(expected),
+                      .expected = static_cast<double>(kAlbedo) * expected,
+                      .measured = mean.mean.r,
+                      .standard_error = mean.standard_error.r,
+                      .tolerance = 1e-6});
+    }
+  }
+  // The camera looks past the floor.
+  t.SetCamera({3, 2, 0}, {3, 9, 0}, 1, {1, 0, 0});
+  t.scene.lights[0].invisible = kCamera;
+  t.scene.lights[1].invisible = kDiffuse;
+  EXPECT_EQ(RenderMean(t.scene, SquareSettings(8, 1, 2)).mean, Rgb::Gray(4));
 }
 
 TEST(RayVisibilityStability, L44Transmission) {

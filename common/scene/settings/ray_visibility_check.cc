@@ -15,6 +15,7 @@ const SourceLocation* FirstInvisible(const SceneDescription& scene) {
   for (const LightDescription& light : scene.lights) {
     if (light.invisible != 0) return &light.location;
   }
+  if (scene.camera.Clips()) return &scene.camera.location;
   return nullptr;
 }
 
@@ -30,8 +31,10 @@ absl::Status CheckRayVisibility(const SceneDescription& scene, const FrameSettin
   if (settings.techniques == known && !settings.IsStereo()) return absl::OkStatus();
   const SourceLocation* invisible = FirstInvisible(scene);
   if (invisible == nullptr) return absl::OkStatus();
-  const std::string place =
-      absl::StrCat(FormatLocation(scene, *invisible), ": \"invisible\": the scene ");
+  const char* parameter = invisible == &scene.camera.location
+                              ? ": \"nearclip\" or \"farclip\": the scene "
+                              : ": \"invisible\": the scene ";
+  const std::string place = absl::StrCat(FormatLocation(scene, *invisible), parameter);
   if (settings.IsStereo()) {
     return absl::InvalidArgumentError(absl::StrCat(
         place,

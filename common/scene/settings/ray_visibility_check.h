@@ -11,7 +11,8 @@
 
 namespace sheaf {
 
-// Where the scene first makes a shape or light invisible to some rays; null if it does not.
+// Where the scene first makes a shape or light invisible to some rays, or else has a camera that
+// does not see what is near or far; null if it does neither.
 const SourceLocation* FirstInvisible(const SceneDescription& scene);
 // The techniques without those that do not know the kinds of rays.
 TechniqueSet KnowingRayKinds(TechniqueSet techniques);

@@ -47,6 +47,18 @@ TEST(RayVisibilityCheckTest, OtherPathsAreRefused) {
               ::testing::HasSubstr("stereo"));
 }
 
+TEST(RayVisibilityCheckTest, CamerasWithClipPlanesAreNamed) {
+  SceneDescription scene;
+  scene.files = {"test.pbrt"};
+  scene.camera.location = {0, 2, 1};
+  scene.camera.far_clip = 9;
+  EXPECT_EQ(FirstInvisible(scene), &scene.camera.location);
+  RenderSettings settings;
+  settings.techniques = TechniqueSet::kLight;
+  EXPECT_THAT(std::string(ResolveSettings(scene, settings).status().message()),
+              ::testing::HasSubstr("test.pbrt:2:1: \"nearclip\" or \"farclip\": the scene has"));
+}
+
 TEST(RayVisibilityCheckTest, TheFilesLightPathsAreLeftOut) {
   SceneDescription scene = SceneWithHiddenShape();
   scene.sampling.integrator = "bdpt";

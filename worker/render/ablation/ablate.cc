@@ -195,6 +195,8 @@ void RemoveVertexNormals(SceneDescription* scene) {
 void ShowEverything(SceneDescription* scene) {
   for (ShapeDescription& shape : scene->shapes) shape.invisible = 0;
   for (LightDescription& light : scene->lights) light.invisible = 0;
+  scene->camera.near_clip = 0;
+  scene->camera.far_clip = CameraDescription().far_clip;
 }
 
 void EmitUniformly(SceneDescription* scene) {

@@ -80,6 +80,8 @@ absl::StatusOr<Camera> Camera::Make(const SceneDescription& scene, int32_t width
   camera.moves_ =
       description.world_from_camera.IsAnimated() && camera.shutter_close_ > camera.shutter_open_;
   camera.render_origin_world_ = render_origin_world;
+  camera.near_clip_ = static_cast<double>(description.near_clip);
+  camera.far_clip_ = static_cast<double>(description.far_clip);
   camera.render_from_camera_ = camera.RenderFromCameraAt(0);
   return camera;
 }
@@ -156,6 +158,14 @@ Vec3f Camera::EyeOfFarRay(const Ray& ray) const {
   const double back = Dot(o - render_from_camera.offset, axis) / Dot(d, axis);
   if (bends_rays_ || !(back > 0)) return ToFloat(render_from_camera.offset);
   return ToFloat(o - d * back);
+}
+
+double Camera::ReachOf(const Ray& ray, double depth) const {
+  const Affine camera_from_render = CameraFromRenderAt(ray.time);
+  const Vec3d o = camera_from_render.Point(ToDouble(ray.o)),
+              d = camera_from_render.Vector(ToDouble(ray.d));
+  if (!bends_rays_ || realistic_ != nullptr) return (depth - o.z) / d.z;
+  return depth / Length(d) - Dot(o, d) / LengthSquared(d);
 }
 
 std::optional<Vec2d> Camera::FilmPointOf(Vec3d p, float shutter_fraction) const {

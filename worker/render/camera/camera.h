@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -71,6 +72,12 @@ class Camera {
   // The lens sample with which SampleWi connects a point on the ray of a realistic camera to the
   // ray's origin. None for other cameras, and if rays begin elsewhere (set_ray_start_radius).
   std::optional<Vec2f> LensSampleOf(const Ray& ray) const;
+  // Where a ray of MakeRay, or one that continues it, meets the near and the far clip plane, in
+  // lengths of its direction from its origin. Without a far plane it is infinitely far.
+  bool HasNearClip() const { return near_clip_ > 0; }
+  bool HasFarClip() const { return far_clip_ < std::numeric_limits<double>::infinity(); }
+  double NearClip(const Ray& ray) const { return ReachOf(ray, near_clip_); }
+  double FarClip(const Ray& ray) const { return ReachOf(ray, far_clip_); }
   // Samples a time in [0, 1) of the shutter interval in proportion to the shutter's opening.
   // Returns u itself where the shutter opens and closes instantly.
   float ShutterFraction(float u) const { return shutter_.empty() ? u : shutter_.Sample(u); }
@@ -101,6 +108,8 @@ class Camera {
     return ray;
   }
   Vec3f EyeOfFarRay(const Ray& ray) const;
+  // Where the ray is at this z of camera space; at this distance from a spherical camera.
+  double ReachOf(const Ray& ray, double depth) const;
   // A connection in camera space: q - o is along `towards`, which need not be unit.
   struct Sight {
     Vec3d o, towards;
@@ -134,6 +143,7 @@ class Camera {
   ShutterShape shutter_;
   Vec3d render_origin_world_;
   double ray_start_radius_ = 0;
+  double near_clip_ = 0, far_clip_ = std::numeric_limits<double>::infinity();
 };
 
 template <TraitBits kTraits>

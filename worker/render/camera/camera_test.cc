@@ -57,6 +57,42 @@ TEST(CameraTest, FilmPointsInvertRays) {
   EXPECT_FALSE(camera.FilmPointOf({0, 0, -1}, 0).has_value());
 }
 
+TEST(CameraTest, ClipPlanesAreAtOneDepth) {
+  for (const Kind kind : {Kind::kPerspective, Kind::kOrthographic, Kind::kEquirectangular}) {
+    SceneDescription scene = SceneWith(kind);
+    scene.camera.near_clip = 0.5f;
+    scene.camera.far_clip = 20;
+    if (kind == Kind::kPerspective) {
+      scene.camera.lens_radius = 0.25f;
+      scene.camera.focal_distance = 3;
+    }
+    ASSERT_TRUE(
+        LookAtMatrix({1, 2, 3}, {4, -1, 7}, {0, 1, 0}, &scene.camera.world_from_camera.start));
+    scene.camera.world_from_camera.end =
+        TranslateMatrix({0.5, 0, 0}) * scene.camera.world_from_camera.start;
+    const Camera camera = MakeCamera(scene, 200, 100, {1, 2, 3});
+    ASSERT_TRUE(camera.HasNearClip() && camera.HasFarClip());
+    for (const Vec2d film : {Vec2d{0, 0}, Vec2d{100, 50}, Vec2d{33.25, 80.5}}) {
+      for (const float time : {0.0f, 0.5f}) {
+        Ray ray = camera.MakeRay<kAllTraits>(film, {0.9f, 0.1f}, time);
+        const auto depth_at = [&](double t) {
+          const Vec3d q =
+              camera.CameraFromRenderAt(time).Point(ToDouble(ray.o) + ToDouble(ray.d) * t);
+          return kind == Kind::kEquirectangular ? Length(q) : q.z;
+        };
+        EXPECT_NEAR(depth_at(camera.NearClip(ray)), 0.5, 1e-6);
+        EXPECT_NEAR(depth_at(camera.FarClip(ray)), 20, 1e-5);
+        // A ray that has passed a surface, its direction of another length.
+        ray.o = ray.o + ray.d * 2;
+        ray.d = ray.d * 3;
+        EXPECT_NEAR(depth_at(camera.FarClip(ray)), 20, 1e-5);
+      }
+    }
+  }
+  const Camera open = MakeCamera(SceneWith(Kind::kPerspective), 200, 100);
+  EXPECT_FALSE(open.HasNearClip() || open.HasFarClip());
+}
+
 TEST(CameraTest, PerspectiveSpansItsFieldOfView) {
   for (const float fov_degrees : {0.01f, 40.0f, 90.0f, 170.0f}) {
     SCOPED_TRACE(fov_degrees);

@@ -15,6 +15,7 @@
 #include "worker/render/integrator/light_draw.h"
 #include "worker/render/integrator/light_splits.h"
 #include "worker/render/integrator/mis_weights.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/transmittance.h"
 #include "worker/render/integrator/two_ends.h"
 #include "worker/render/integrator/visibility.h"
@@ -33,7 +34,10 @@ void AddLightSample(const Context<C>& c, const Vertex& vertex,
   ApplyCutOut(c, light);
   Color f_cos = value.f_cos;
   if constexpr (C::kRayKinds) {
-    if (const RayKinds invisible = InvisibleOf(c, *light); invisible != 0) {
+    if (c.scene.visibility.skies_differ && light->is_infinite && !light->is_delta) {
+      light->radiance = SeenSky(c, vertex, light->wi, *path);
+      if (light->radiance.IsBlack()) return;
+    } else if (const RayKinds invisible = InvisibleOf(c, *light); invisible != 0) {
       f_cos = f_cos * SeenPart(vertex, light->wi, invisible, *path);
       if (f_cos.IsBlack()) return;
     }
@@ -104,20 +108,30 @@ void SampleLd(const Context<C>& c, const Vertex& vertex, PathState<C>* path) {
 template <typename C>
 void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
   if constexpr (C::Has(Trait::kEnvironment)) {
+    using Color = typename C::Color;
     if constexpr (C::kRayKinds) {
       if (!SeesLight(c.scene.visibility.sky, *path)) return;
     }
+    // The path's ray sees this of the sky.
+    const auto seen = [&](const Color& sky) {
+      if constexpr (C::kRayKinds) {
+        if (c.scene.visibility.skies_differ) {
+          return SkySeenBy(c, path->rays.kind, path->from, path->ray.d, *path);
+        }
+      }
+      return sky;
+    };
     if (path->specular && (!C::kBothEnds || path->is_camera_path)) {
-      AddInfiniteLight(c, path->from, path->ray.d, path->throughput, path->history.KindAtHit(),
-                       path->throughput * c.scene.lights->template EnvironmentRadiance<C::kTraits>(
-                                              path->from, path->ray.d, path->wavelengths),
-                       path);
+      AddInfiniteLight(
+          c, path->from, path->ray.d, path->throughput, path->history.KindAtHit(),
+          path->throughput * seen(c.scene.lights->template EnvironmentRadiance<C::kTraits>(
+                                 path->from, path->ray.d, path->wavelengths)),
+          path);
       return;
     }
-    const EnvironmentValueOf<typename C::Color> value =
-        c.scene.lights->template EvalEnvironment<C::kTraits>(path->from, path->from_n, path->ray.d,
-                                                             path->wavelengths, path->sky_place,
-                                                             LightQueryAtLast<C>(*path));
+    const EnvironmentValueOf<Color> value = c.scene.lights->template EvalEnvironment<C::kTraits>(
+        path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place,
+        LightQueryAtLast<C>(*path));
     const float weight = [&] {
       if constexpr (C::kBothEnds) {
         const double emitted = c.emission.InfiniteDensityAt(path->from, -path->ray.d);
@@ -126,7 +140,8 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
       return MisWeight<C>(FindsBy::kHit, path->pdf, value.pdf);
     }();
     AddInfiniteLight(c, path->from, path->ray.d, path->throughput * weight,
-                     path->history.KindAtHit(), path->throughput * value.radiance * weight, path);
+                     path->history.KindAtHit(), path->throughput * seen(value.radiance) * weight,
+                     path);
   }
 }
 

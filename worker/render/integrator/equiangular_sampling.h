@@ -30,6 +30,7 @@
 #include "worker/render/integrator/medium_line.h"
 #include "worker/render/integrator/mis_weights.h"
 #include "worker/render/integrator/point_in_medium.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/transmittance.h"
 #include "worker/render/integrator/visibility.h"
 
@@ -227,10 +228,7 @@ void SampleLdOnLine(const Context<C>& c, const LineOf<C>& line, [[maybe_unused]]
   if (!(chosen.probability > 0)) return;
   std::optional<LightSampleOf<Color>> light = scene.lights->template SampleChosen<C::kTraits>(
       chosen, vertex.p, {u[0], u[1]}, path->wavelengths, guided.lights());
-  if (!light) return;
-  if constexpr (C::kRayKinds) {
-    if ((InvisibleOf(c, *light) & BitOf(RayKind::kVolume)) != 0) return;
-  }
+  if (!light || !IsSeenInMedium(c, vertex.p, *path, &*light)) return;
   ApplyCutOut(c, &*light);
   const double line_pdf = static_cast<double>(light->pdf) /
                           static_cast<double>(chosen.probability) *

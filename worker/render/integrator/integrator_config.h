@@ -11,12 +11,21 @@
 
 #include "worker/render/color/wavelengths.h"
 #include "worker/render/integrator/direct_light.h"
-#include "worker/render/integrator/path_kind.h"
 #include "worker/render/sampling/mutated_sampler.h"
 #include "worker/render/sampling/sampler.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {
+
+// Where the integrator's paths begin.
+enum class PathKind : uint8_t {
+  kCamera,             // At the camera; they alone make the image.
+  kCameraBesideLight,  // At the camera; light paths find part of the light.
+  kLight,              // At a light.
+  kEye,                // At one of two eyes, which share their paths: worker/render/eyes.
+  kMutated,            // At the camera, by numbers that a chain moves: worker/render/mutations.
+  kCameraWithChains,   // At the camera; chains find part of the light: chains.h.
+};
 
 // TracerT: EmbreeScene, or a class with the same Intersect and Occluded.
 template <TraitBits kTraitsT, typename TracerT, DirectLight kDirectLightT,

@@ -13,10 +13,10 @@
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/light_draw.h"
 #include "worker/render/integrator/light_splits.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/russian_roulette.h"
 #include "worker/render/integrator/subsurface_walk.h"
 #include "worker/render/integrator/two_ends.h"
-#include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
 

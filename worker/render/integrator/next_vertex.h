@@ -14,6 +14,7 @@
 
 #include "worker/render/integrator/direct_lighting.h"
 #include "worker/render/integrator/medium_vertex.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/surface_vertex.h"
 #include "worker/render/integrator/volume_emission.h"
 
@@ -35,15 +36,17 @@ using Vertex = std::conditional_t<
 
 enum class SegmentEnd : uint8_t { kHit, kScattered, kTerminated };
 
-// Takes the path through its media up to `hit` (null: without end), or to where they scatter it:
-// then sets *vertex. Adds the segment's emission and its line-sampled light.
+// Takes the path through its media up to `hit` (null: to its end, see FarClipOf), or to where they
+// scatter it: then sets *vertex. Adds the segment's emission and its line-sampled light.
 template <typename C>
 SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState<C>* path,
                                Vertex<C>* vertex) {
   using Color = typename C::Color;
   MediumState<C>& media = path->media;
+  const double end = FarClipOf(c, *path);
+  const bool is_clipped = C::kRayKinds && end < std::numeric_limits<double>::infinity();
   if constexpr (C::kNested) {
-    if (hit == nullptr && !media.interiors.empty()) {
+    if (hit == nullptr && !is_clipped && !media.interiors.empty()) {
       ++c.counts.broken_nestings;
       return SegmentEnd::kTerminated;
     }
@@ -52,13 +55,12 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   if constexpr (C::kSubsurface) {
     if (path->subsurface.has_arrived && hit != nullptr) return SegmentEnd::kHit;
   }
-  if (hit == nullptr && media.properties.is_bounded) {
+  if (hit == nullptr && !is_clipped && media.properties.is_bounded) {
     ++c.counts.broken_nestings;
     return SegmentEnd::kTerminated;
   }
   const double unit = Length(ToDouble(path->ray.d));
-  double length =
-      hit == nullptr ? std::numeric_limits<double>::infinity() : static_cast<double>(hit->t) * unit;
+  double length = hit == nullptr ? end * unit : static_cast<double>(hit->t) * unit;
   const bool is_exact = NeedsExactPlace<C>(media, path->ray);
   if (is_exact) length = ExactLength(media.near, path->ray, length);
   if constexpr (C::Has(Trait::kEmissiveMedia) && !C::kFromLight) {
@@ -176,9 +178,10 @@ void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
   }
   ++c.counts.rays;
   RawHit hit;
-  const bool hits = c.tracer.Intersect(path->ray, &hit);
+  bool hits = c.tracer.Intersect(path->ray, &hit);
   if (path->ray.contact > 0) [[unlikely]]
     AdvanceToPlace(&path->ray, &hit);
+  if constexpr (C::kRayKinds) hits = hits && static_cast<double>(hit.t) < FarClipOf(c, *path);
   if constexpr (C::kMedia) {
     const SegmentEnd end = SampleMediumSegment(c, hits ? &hit : nullptr, path, vertex);
     if (end == SegmentEnd::kTerminated) vertex->template emplace<Terminated>();
@@ -225,6 +228,36 @@ bool PassNullInterface(const Context<C>& c, const NullInterface& passed, PathSta
     }
   }
   return CrossNullInterface(c, passed.point, path);
+}
+
+// Takes the ray of the camera to the near plane, past what lies before it, in the media that it
+// then is in. False where their nesting is broken.
+template <typename C>
+bool StartAtNearClip(const Context<C>& c, PathState<C>* path) {
+  const Camera& camera = c.scene.camera;
+  if (!camera.HasNearClip()) return true;
+  Ray& ray = path->ray;
+  if constexpr (C::kMedia) {
+    RawHit hit;
+    while (c.scene.media) {
+      ++c.counts.rays;
+      if (!c.tracer.Intersect(ray, &hit)) break;
+      if (ray.contact > 0) AdvanceToPlace(&ray, &hit);
+      if (static_cast<double>(hit.t) >= camera.NearClip(ray)) break;
+      const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, hit);
+      const bool is_unseen = IsUnseen(c, point, ray.d, BoundaryRayOf(*path), path->media);
+      if (!PassNullInterface(c, {point, is_unseen}, path)) return false;
+    }
+    path->null_crossings = 0;
+    path->media.near = {};
+  }
+  Ray start;
+  start.o = ToFloat(ToDouble(ray.o) + ToDouble(ray.d) * std::max(0.0, camera.NearClip(ray)));
+  start.d = ray.d;
+  start.time = ray.time;
+  start.mask = ray.mask;
+  ray = start;
+  return true;
 }
 
 }  // namespace sheaf::render

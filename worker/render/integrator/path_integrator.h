@@ -21,6 +21,7 @@
 #include "worker/render/integrator/guided_directions.h"
 #include "worker/render/integrator/next_vertex.h"
 #include "worker/render/integrator/path_splits.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/training_pass.h"
 #include "worker/render/integrator/volume_emission.h"
 
@@ -246,7 +247,9 @@ FilmSample PathIntegrator<kTraits, Tracer, kDirectLight, kPathKind>::Trace(
     path->wavelengths = scene_.wavelengths.Sample(sampler.Get1(Slot(CameraSlot::kWavelength)));
   }
   if constexpr (C::kMedia) StartInMedia(context, path);
-  Li(context, path, &film);
+  bool begins = true;
+  if constexpr (C::kRayKinds) begins = StartAtNearClip(context, path);
+  if (begins) Li(context, path, &film);
   film.radiance = scene_.film.Of(path->radiance, path->wavelengths);
   if constexpr (C::Has(Trait::kLens)) film.radiance *= weight;
   scene_.film.Clamp(&film.radiance, &weight);

@@ -20,10 +20,10 @@
 #include "worker/render/integrator/light_splits.h"
 #include "worker/render/integrator/medium_boundaries.h"
 #include "worker/render/integrator/mis_weights.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/russian_roulette.h"
 #include "worker/render/integrator/subsurface_walk.h"
 #include "worker/render/integrator/two_ends.h"
-#include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
 

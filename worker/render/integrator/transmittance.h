@@ -15,6 +15,7 @@
 #include "worker/render/integrator/heterogeneous_transport.h"
 #include "worker/render/integrator/medium_boundaries.h"
 #include "worker/render/integrator/point_in_medium.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {

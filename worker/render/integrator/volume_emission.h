@@ -14,9 +14,9 @@
 #include <utility>
 
 #include "worker/render/integrator/mis_weights.h"
+#include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/transmittance.h"
 #include "worker/render/integrator/two_ends.h"
-#include "worker/render/integrator/visibility.h"
 
 namespace sheaf::render {
 

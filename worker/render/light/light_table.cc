@@ -279,6 +279,19 @@ Color LightTable::RadianceFromInfinity(const Impl& impl, Vec3f p, Vec3f d,
   return sum;
 }
 
+uint32_t LightTable::first_infinite() const { return impl_->first_infinite(); }
+
+template <typename Color>
+Color LightTable::RadianceOfInfinite(uint32_t light, Vec3f p, Vec3f d,
+                                     const WavelengthsOf<Color>& wavelengths) const {
+  const InfiniteEmitter& infinite = impl_->infinites[light - impl_->first_infinite()];
+  return RadianceFrom<Color>(*impl_, infinite, p, d, wavelengths);
+}
+template Rgb LightTable::RadianceOfInfinite<Rgb>(uint32_t, Vec3f, Vec3f,
+                                                 const NoWavelengths&) const;
+template Spectral LightTable::RadianceOfInfinite<Spectral>(uint32_t, Vec3f, Vec3f,
+                                                           const Wavelengths&) const;
+
 template <typename Color, typename Query>
 EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Vec3f n, Vec3f d,
                                                    const WavelengthsOf<Color>& wavelengths,

@@ -205,6 +205,11 @@ class LightTable {
                              QueryFor<kTraits>(query))
         .pdf;
   }
+  // The same of one infinite light: from first_infinite() to light_count() - 1.
+  uint32_t first_infinite() const;
+  template <typename Color>
+  Color RadianceOfInfinite(uint32_t light, Vec3f p, Vec3f d,
+                           const WavelengthsOf<Color>& wavelengths) const;
   // Both at once, at little more than the cost of one.
   template <TraitBits kTraits>
   EnvironmentValueOf<ColorOf<kTraits>> EvalEnvironment(

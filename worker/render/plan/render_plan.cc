@@ -101,6 +101,10 @@ class PlanMaker {
       Require(Trait::kLens, camera.location,
               absl::StrCat("Camera \"float lensradius\" [", camera.lens_radius, "]"));
     }
+    if (camera.Clips()) {
+      Require(Trait::kRayVisibility, camera.location,
+              camera.near_clip > 0 ? "Camera \"float nearclip\"" : "Camera \"float farclip\"");
+    }
     if (camera.IsRealistic()) {
       Require(Trait::kLens, camera.location,
               absl::StrCat("Camera \"realistic\" \"string lensfile\" \"", camera.lens.file, "\""));

@@ -144,7 +144,7 @@ absl::Status BuildRayVisibility(CompiledScene* scene) {
     return status;
   }
   absl::StatusOr<RayVisibility> visibility =
-      MakeRayVisibility(scene->description, scene->geometry, *scene->lights);
+      MakeRayVisibility(scene->description, scene->settings, scene->geometry, *scene->lights);
   if (!visibility.ok()) return visibility.status();
   scene->visibility = *std::move(visibility);
   return absl::OkStatus();

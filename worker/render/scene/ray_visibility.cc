@@ -20,18 +20,27 @@ bool BlocksNothing(const SceneDescription& scene, const ShapeDescription& shape)
              scene.materials[static_cast<size_t>(shape.material)].material);
 }
 
-absl::StatusOr<RayKinds> OfSky(const SceneDescription& scene) {
+// Sets what infinite lights are invisible to.
+absl::Status SetSky(const SceneDescription& scene, const FrameSettings& settings,
+                    RayVisibility* visibility) {
   const LightDescription* first = nullptr;
   for (const LightDescription& light : scene.lights) {
     if (!std::holds_alternative<InfiniteLight>(light.light)) continue;
     if (first == nullptr) first = &light;
     if (light.invisible == first->invisible) continue;
-    return absl::InvalidArgumentError(absl::StrCat(
-        FormatLocation(scene, light.location),
-        ": LightSource \"infinite\": its \"invisible\" differs from that of the infinite light at ",
-        FormatLocation(scene, first->location), "; give all infinite lights the same"));
+    if (!settings.outputs.light_groups.empty() && !settings.outputs.light_paths) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          FormatLocation(scene, light.location),
+          ": LightSource \"infinite\": its \"invisible\" differs from that of the infinite light "
+          "at ",
+          FormatLocation(scene, first->location),
+          ", which frames with groups of lights do not know; give all infinite lights the same, or "
+          "leave out --light-groups"));
+    }
+    visibility->skies_differ = true;
   }
-  return first == nullptr ? RayKinds{0} : first->invisible;
+  if (first != nullptr && !visibility->skies_differ) visibility->sky = first->invisible;
+  return absl::OkStatus();
 }
 
 // The shape of an emitter of the world.
@@ -44,17 +53,16 @@ const Surface& SurfaceOf(const SceneGeometry& geometry, const EmitterRange& rang
 }  // namespace
 
 absl::StatusOr<RayVisibility> MakeRayVisibility(const SceneDescription& scene,
+                                                const FrameSettings& settings,
                                                 const SceneGeometry& geometry,
                                                 const LightTable& lights) {
   RayVisibility visibility;
-  const absl::StatusOr<RayKinds> sky = OfSky(scene);
-  if (!sky.ok()) return sky.status();
-  visibility.sky = *sky;
+  if (absl::Status status = SetSky(scene, settings, &visibility); !status.ok()) return status;
   const auto note_lobes = [&](RayKinds invisible) {
     visibility.splits_lobes |=
         Has(invisible, RayKind::kDiffuse) != Has(invisible, RayKind::kGlossy);
   };
-  note_lobes(*sky);
+  note_lobes(visibility.sky);
   for (const ShapeDescription& shape : scene.shapes) {
     note_lobes(shape.invisible);
     if (BlocksNothing(scene, shape)) continue;

@@ -11,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "common/scene/ray_kinds.h"
 #include "common/scene/scene_description.h"
+#include "common/scene/settings/render_settings.h"
 #include "worker/render/geometry/scene_geometry.h"
 #include "worker/render/light/light_table.h"
 
@@ -22,14 +23,17 @@ struct RayVisibility {
   bool splits_shadow = false;
   // Diffuse and glossy rays of one surface may see different things.
   bool splits_lobes = false;
-  RayKinds sky = 0;              // The kinds of rays that see no infinite light.
+  RayKinds sky = 0;              // The kinds of rays that see no infinite light,
+  bool skies_differ = false;     // unless each light has its own: then in `lights`, and `sky` is 0.
   std::vector<RayKinds> lights;  // The same by light of the table; empty: all see all.
 
   RayKinds OfLight(uint32_t light) const { return lights.empty() ? RayKinds{0} : lights[light]; }
 };
 
-// Errors: kInvalidArgument where infinite lights are invisible to different kinds of rays.
+// Errors: kInvalidArgument where infinite lights are invisible to different kinds of rays, and the
+// frame has groups of lights.
 absl::StatusOr<RayVisibility> MakeRayVisibility(const SceneDescription& scene,
+                                                const FrameSettings& settings,
                                                 const SceneGeometry& geometry,
                                                 const LightTable& lights);
 

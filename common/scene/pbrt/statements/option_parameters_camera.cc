@@ -4,6 +4,7 @@
 // Camera directives.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -109,6 +110,24 @@ void GetLens(ParameterList& parameters, CameraDescription* camera) {
     parameters.NoteWithoutEffect("bladerotation", "the lens is round; give \"integer blades\"");
   } else if (camera->lens_radius == 0) {
     parameters.NoteWithoutEffect("blades", "a pinhole has no blades; give \"float lensradius\"");
+  }
+}
+
+// An extension of Sheaf; Mitsuba 3 names the planes near_clip and far_clip.
+void GetClipPlanes(ParameterList& parameters, CameraDescription* camera) {
+  constexpr float kNone = std::numeric_limits<float>::infinity();
+  camera->near_clip = parameters.GetFloat("nearclip", 0);
+  camera->far_clip = parameters.GetFloat("farclip", kNone);
+  if (!(camera->near_clip >= 0)) {
+    parameters.ErrorAt(*parameters.Find("nearclip"), "is negative");
+    camera->near_clip = 0;
+  }
+  if (!(camera->far_clip > camera->near_clip)) {
+    const Parameter* far = parameters.Find("farclip");
+    parameters.ErrorAt(far != nullptr ? *far : *parameters.Find("nearclip"),
+                       "leaves nothing to see; give nearclip less than farclip");
+    camera->near_clip = 0;
+    camera->far_clip = kNone;
   }
 }
 
@@ -223,6 +242,7 @@ void SetCamera(const std::string& type, ParameterList& parameters, SceneFiles& f
     return;
   }
   GetShutter(parameters, camera);
+  GetClipPlanes(parameters, camera);
   if (!camera->IsSpherical() && !camera->IsRealistic()) {
     GetWindow(parameters, camera, frame);
     GetLens(parameters, camera);
