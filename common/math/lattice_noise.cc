@@ -10,8 +10,8 @@ namespace {
 
 constexpr uint32_t kHashSeed = 0xdeadbeef + 13;
 constexpr double kCoordinateEnd = 0x1p31;
-// They make the extremes of both noises about 1.
-constexpr double kScale2 = 0.6616, kScale3 = 0.9820;
+// They make the extremes of the noises about 1; by the number of dimensions.
+constexpr double kScale1 = 0.25, kScale2 = 0.6616, kScale3 = 0.9820, kScale4 = 0.8344;
 
 struct HashState {
   uint32_t a, b, c;
@@ -54,6 +54,7 @@ double Eased(double t) { return t * t * t * (t * (t * 6 - 15) + 10); }
 double Between(double t, double a, double b) { return (1 - t) * a + t * b; }
 double Signed(double x, uint32_t is_negative) { return is_negative != 0 ? -x : x; }
 
+double GradientProduct(uint32_t hash, double x) { return Signed((1 + (hash & 7)) * x, hash & 8); }
 double GradientProduct(uint32_t hash, double x, double y) {
   const uint32_t h = hash & 7;
   const double u = h < 4 ? x : y, v = 2 * (h < 4 ? y : x);
@@ -65,6 +66,12 @@ double GradientProduct(uint32_t hash, double x, double y, double z) {
   const double beside = h == 12 || h == 14 ? x : z;
   const double v = h < 4 ? y : beside;
   return Signed(u, h & 1) + Signed(v, h & 2);
+}
+
+double GradientProduct(uint32_t hash, double x, double y, double z, double w) {
+  const uint32_t h = hash & 31;
+  const double a = h < 24 ? x : y, b = h < 16 ? y : z, c = h < 8 ? z : w;
+  return Signed(a, h & 1) + Signed(b, h & 2) + Signed(c, h & 4);
 }
 
 // The lattice point below and the offset from it.
@@ -107,6 +114,7 @@ uint32_t HashOf(uint32_t x, uint32_t y, uint32_t z, uint32_t w) {
   state.a += w;
   return state.Final();
 }
+float RandomOf(float x) { return UnitOf(HashOf(BitsOf(x))); }
 float RandomOf(float x, float y) { return UnitOf(HashOf(BitsOf(x), BitsOf(y))); }
 float RandomOf(float x, float y, float z) {
   return UnitOf(HashOf(BitsOf(x), BitsOf(y), BitsOf(z)));
@@ -114,11 +122,27 @@ float RandomOf(float x, float y, float z) {
 float RandomOf(float x, float y, float z, float w) {
   return UnitOf(HashOf(BitsOf(x), BitsOf(y), BitsOf(z), BitsOf(w)));
 }
+std::array<float, 3> RandomTripleOf(float x) {
+  return {RandomOf(x), RandomOf(x, 1), RandomOf(x, 2)};
+}
 std::array<float, 3> RandomTripleOf(float x, float y) {
   return {RandomOf(x, y), RandomOf(x, y, 1), RandomOf(x, y, 2)};
 }
 std::array<float, 3> RandomTripleOf(float x, float y, float z) {
   return {RandomOf(x, y, z), RandomOf(x, y, z, 1), RandomOf(x, y, z, 2)};
+}
+
+std::array<float, 3> RandomTripleOf(float x, float y, float z, float w) {
+  return {RandomOf(x, y, z, w), RandomOf(z, x, w, y), RandomOf(w, z, y, x)};
+}
+std::array<float, 4> RandomQuadrupleOf(float x, float y, float z, float w) {
+  return {RandomOf(x, y, z, w), RandomOf(w, x, y, z), RandomOf(z, w, x, y), RandomOf(y, z, w, x)};
+}
+
+double LatticeNoise(double x) {
+  const Cell cell = CellOf(x);
+  return kScale1 * Between(Eased(cell.offset), GradientProduct(HashOf(cell.at), cell.offset),
+                           GradientProduct(HashOf(cell.at + 1), cell.offset - 1));
 }
 
 double LatticeNoise(Vec2d p) {
@@ -143,6 +167,21 @@ double LatticeNoise(Vec3d p) {
                    Between(u, corner(0, 1, k), corner(1, 1, k)));
   };
   return kScale3 * Between(w, face(0), face(1));
+}
+
+double LatticeNoise(Vec3d p, double w) {
+  const Cell x = CellOf(p.x), y = CellOf(p.y), z = CellOf(p.z), t = CellOf(w);
+  const double u = Eased(x.offset), v = Eased(y.offset), s = Eased(z.offset);
+  const auto corner = [&](uint32_t i, uint32_t j, uint32_t k, uint32_t l) {
+    return GradientProduct(HashOf(x.at + i, y.at + j, z.at + k, t.at + l), x.offset - i,
+                           y.offset - j, z.offset - k, t.offset - l);
+  };
+  const auto face = [&](uint32_t k, uint32_t l) {
+    return Between(v, Between(u, corner(0, 0, k, l), corner(1, 0, k, l)),
+                   Between(u, corner(0, 1, k, l), corner(1, 1, k, l)));
+  };
+  return kScale4 * Between(Eased(t.offset), Between(s, face(0, 0), face(1, 0)),
+                           Between(s, face(0, 1), face(1, 1)));
 }
 
 }  // namespace sheaf

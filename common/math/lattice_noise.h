@@ -23,16 +23,22 @@ uint32_t HashOf(uint32_t x);
 uint32_t HashOf(uint32_t x, uint32_t y);
 uint32_t HashOf(uint32_t x, uint32_t y, uint32_t z);
 uint32_t HashOf(uint32_t x, uint32_t y, uint32_t z, uint32_t w);
+float RandomOf(float x);
 float RandomOf(float x, float y);
 float RandomOf(float x, float y, float z);
 float RandomOf(float x, float y, float z, float w);
-// Three numbers of a place in a plane or in space.
+// Three numbers of a place in one to four dimensions, and four of one in four.
+std::array<float, 3> RandomTripleOf(float x);
 std::array<float, 3> RandomTripleOf(float x, float y);
 std::array<float, 3> RandomTripleOf(float x, float y, float z);
+std::array<float, 3> RandomTripleOf(float x, float y, float z, float w);
+std::array<float, 4> RandomQuadrupleOf(float x, float y, float z, float w);
 
 // Within about [-1, 1], 0 at integers. Coordinates beyond 2^31 and such that are no numbers count
 // as 0.
+double LatticeNoise(double x);
 double LatticeNoise(Vec2d p);
 double LatticeNoise(Vec3d p);
+double LatticeNoise(Vec3d p, double w);
 
 }  // namespace sheaf

@@ -29,7 +29,10 @@ inline constexpr NodeParameter kNodeScale = {"scale", 5, -kNodeNumberMax, kNodeN
 inline constexpr NodeParameter kNodeDetail = {"detail", 2, 0, kNodeDetailMax};
 inline constexpr NodeParameter kNodeRoughness = {"roughness", 0.5f, 0, kNodeNumberMax};
 inline constexpr NodeParameter kNodeDistortion = {"distortion", 0, -kNodeNumberMax, kNodeNumberMax};
-inline constexpr NodeParameter kNodeDimensions = {"dimensions", 3, 2, 3};
+inline constexpr NodeParameter kNodeDimensions = {"dimensions", 3, 1, 4};
+// The place in one dimension, and the fourth coordinate in four; "x" is that of the place.
+inline constexpr NodeParameter kNodeW = {"w", 0, -kNodeNumberMax, kNodeNumberMax};
+inline constexpr NodeParameter kNodeWFrom = {"w_from", 0, 0, 1, "value x"};
 
 namespace node_number {
 enum Noise {
@@ -39,7 +42,9 @@ enum Noise {
   kNoiseRoughness,
   kNoiseLacunarity,
   kNoiseDistortion,
-  kNoiseNormalize
+  kNoiseNormalize,
+  kNoiseW,
+  kNoiseWFrom
 };
 enum Musgrave {
   kMusgraveType,
@@ -48,7 +53,10 @@ enum Musgrave {
   kMusgraveDimension,
   kMusgraveLacunarity,
   kMusgraveOffset,
-  kMusgraveGain
+  kMusgraveGain,
+  kMusgraveDimensions,
+  kMusgraveW,
+  kMusgraveWFrom
 };
 enum Voronoi {
   kVoronoiDimensions,
@@ -57,7 +65,13 @@ enum Voronoi {
   kVoronoiScale,
   kVoronoiSmoothness,
   kVoronoiExponent,
-  kVoronoiRandomness
+  kVoronoiRandomness,
+  kVoronoiDetail,
+  kVoronoiRoughness,
+  kVoronoiLacunarity,
+  kVoronoiNormalize,
+  kVoronoiW,
+  kVoronoiWFrom
 };
 enum Wave {
   kWaveType,
@@ -85,10 +99,12 @@ enum Brick {
   kBrickOutput
 };
 enum Gradient { kGradientType };
-enum White { kWhiteDimensions };
+enum White { kWhiteDimensions, kWhiteW, kWhiteWFrom };
+enum Attribute { kAttributeChannel };
+enum AttributeChannel { kLuminance, kMeanColor, kRed, kGreen, kBlue, kAlpha };
 }  // namespace node_number
 
-inline constexpr std::array<NodeParameters, 8> kNodeParameters = {{
+inline constexpr std::array<NodeParameters, 9> kNodeParameters = {{
     {NodeTexture::Kind::kNoise,
      "noise",
      {{kNodeDimensions,
@@ -97,7 +113,9 @@ inline constexpr std::array<NodeParameters, 8> kNodeParameters = {{
        kNodeRoughness,
        {"lacunarity", 2, 0, kNodeNumberMax},
        kNodeDistortion,
-       {"normalize", 1, 0, 1}}}},
+       {"normalize", 1, 0, 1},
+       kNodeW,
+       kNodeWFrom}}},
     {NodeTexture::Kind::kMusgrave,
      "musgrave",
      {{{"type", 0, 0, 4, "fbm multifractal hybrid ridged hetero"},
@@ -106,7 +124,10 @@ inline constexpr std::array<NodeParameters, 8> kNodeParameters = {{
        {"dimension", 2, 1e-5f, kNodeNumberMax},
        {"lacunarity", 2, 1e-5f, kNodeNumberMax},
        {"offset", 0, -kNodeNumberMax, kNodeNumberMax},
-       {"gain", 1, 0, kNodeNumberMax}}}},
+       {"gain", 1, 0, kNodeNumberMax},
+       kNodeDimensions,
+       kNodeW,
+       kNodeWFrom}}},
     {NodeTexture::Kind::kVoronoi,
      "voronoi",
      {{kNodeDimensions,
@@ -115,7 +136,13 @@ inline constexpr std::array<NodeParameters, 8> kNodeParameters = {{
        kNodeScale,
        {"smoothness", 1, 0, 1},
        {"exponent", 0.5f, 0.01f, 32},
-       {"randomness", 1, 0, 1}}}},
+       {"randomness", 1, 0, 1},
+       {"detail", 0, 0, kNodeDetailMax},
+       {"roughness", 0.5f, 0, 1},
+       {"lacunarity", 2, 1e-5f, kNodeNumberMax},
+       {"normalize", 0, 0, 1},
+       kNodeW,
+       kNodeWFrom}}},
     {NodeTexture::Kind::kWave,
      "wave",
      {{{"type", 0, 0, 1, "bands rings"},
@@ -146,7 +173,10 @@ inline constexpr std::array<NodeParameters, 8> kNodeParameters = {{
     {NodeTexture::Kind::kGradient,
      "gradient",
      {{{"type", 0, 0, 6, "linear quadratic easing diagonal radial quadratic_sphere spherical"}}}},
-    {NodeTexture::Kind::kWhiteNoise, "white_noise", {{kNodeDimensions}}},
+    {NodeTexture::Kind::kWhiteNoise, "white_noise", {{kNodeDimensions, kNodeW, kNodeWFrom}}},
+    {NodeTexture::Kind::kAttribute,
+     "attribute",
+     {{{"channel", 0, 0, 5, "luminance mean red green blue alpha"}}}},
 }};
 
 }  // namespace sheaf

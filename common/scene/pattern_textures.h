@@ -80,9 +80,10 @@ struct NodeTexture {
     kMagic,
     kBrick,
     kGradient,
-    kWhiteNoise
+    kWhiteNoise,
+    kAttribute  // The color that a mesh gives its vertices, wherever the place is.
   };
-  static constexpr size_t kNumbers = 12;
+  static constexpr size_t kNumbers = 13;
   Kind kind = Kind::kNoise;
   bool from_uv = false;        // The place is (u, v, 0) instead of a point in world space.
   Matrix4 texture_from_place;  // Affine.

@@ -37,8 +37,12 @@ absl::Status NoIndex(const char* element, uint64_t row, double value) {
 // Reads the elements of one file into a mesh.
 class PlyMeshReader {
  public:
-  PlyMeshReader(PlyBytes* bytes, const PlyHeader* header, const SceneReaderLimits& limits)
-      : bytes_(bytes), header_(header), limits_(limits) {}
+  PlyMeshReader(PlyBytes* bytes, const PlyHeader* header, const SceneReaderLimits& limits,
+                PlyColors colors)
+      : bytes_(bytes),
+        header_(header),
+        limits_(limits),
+        reads_colors_(colors == PlyColors::kRead) {}
 
   absl::Status Read();
   // origin: as for ReadPly.
@@ -71,6 +75,7 @@ class PlyMeshReader {
   PlyBytes* bytes_;
   const PlyHeader* header_;
   SceneReaderLimits limits_;
+  bool reads_colors_;
   TriangleMesh mesh_;  // Without positions and indices.
   PlyFaces faces_;
   VertexRounding vertices_;
@@ -219,19 +224,18 @@ absl::Status PlyMeshReader::SkipRows(const PlyElement& element) {
 
 absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
   has_vertices_ = true;
-  std::vector<Slot> slots;
   std::array<bool, kSlotCount + 1> has{};
-  for (const PlyProperty& property : element.properties) {
-    slots.push_back(property.is_list ? kSkipped : SlotOf(property.name));
-    // If two properties fill one slot, the first one counts.
-    if (has[slots.back()]) slots.back() = kSkipped;
-    has[slots.back()] = true;
-  }
+  const std::vector<Slot> slots = SlotsOf(element.properties, reads_colors_, &has);
   if (!has[kX] || !has[kY] || !has[kZ]) {
     return absl::InvalidArgumentError("the element \"vertex\" needs the properties x, y and z");
   }
   const bool has_normal = has[kNormalX] && has[kNormalY] && has[kNormalZ];
   const bool has_uv = has[kU] && has[kV];
+  if (reads_colors_ && !(has[kRed] && has[kGreen] && has[kBlue])) {
+    return absl::InvalidArgumentError(
+        "the element \"vertex\" has no colors: it needs the properties red, green and blue, "
+        "floats");
+  }
   std::vector<const PlyProperty*> skipped;
   for (size_t i = 0; i < slots.size(); ++i) {
     const bool is_normal = slots[i] >= kNormalX && slots[i] <= kNormalZ;
@@ -244,13 +248,11 @@ absl::Status PlyMeshReader::ReadVertices(const PlyElement& element) {
   // CheckCount has bounded the count by the file's size; beyond this limit, the vectors grow.
   constexpr uint64_t kReserveMax = uint64_t{1} << 20;
   vertices_.Reserve(std::min(element.count, kReserveMax));
-  const bool is_floats = header_->format == PlyFormat::kLittleEndian &&
-                         slots.size() <= kSlotCount &&
-                         std::ranges::all_of(element.properties, [](const PlyProperty& property) {
-                           return !property.is_list && property.type == PlyType::kFloat32;
-                         });
+  const bool is_floats =
+      header_->format == PlyFormat::kLittleEndian && AreFloats(element.properties);
   for (uint64_t i = 0; i < element.count; ++i) {
     std::array<double, kSlotCount + 1> values{};
+    values[kAlpha] = 1;
     const bool is_read = is_floats ? ReadFloats(slots, values.data())
                                    : ReadProperties(element.properties, slots, values.data());
     if (!is_read) return Stopped("vertex", i);
@@ -289,20 +291,21 @@ absl::Status PlyMeshReader::AppendVertex(uint64_t number, const double* values, 
   for (size_t i = 0; i < kSlotCount; ++i) {
     v[i] = static_cast<float>(values[i]);
     if (!std::isfinite(v[i])) {
-      static constexpr const char* kNames[] = {"x", "y", "z", "nx", "ny", "nz", "u", "v"};
       return absl::InvalidArgumentError(
-          absl::StrCat("vertex ", number, ": ", kNames[i], " is not a finite 32-bit float"));
+          absl::StrCat("vertex ", number, ": ", kSlotNames[i], " is not a finite 32-bit float"));
     }
   }
   vertices_.Add({values[kX], values[kY], values[kZ]});
   if (has_normal) mesh_.normals.push_back({v[kNormalX], v[kNormalY], v[kNormalZ]});
   if (has_uv) mesh_.uvs.push_back({v[kU], v[kV]});
+  if (reads_colors_) mesh_.colors.push_back({v[kRed], v[kGreen], v[kBlue], v[kAlpha]});
   return CheckMemory();
 }
 
 absl::Status PlyMeshReader::CheckMemory() const {
   const uint64_t bytes = vertices_.SizeBytes() + mesh_.normals.size() * sizeof(Vec3f) +
-                         mesh_.uvs.size() * sizeof(Vec2f) + faces_.SizeBytes();
+                         mesh_.uvs.size() * sizeof(Vec2f) +
+                         mesh_.colors.size() * sizeof(VertexColor) + faces_.SizeBytes();
   if (bytes > limits_.memory_bytes_max) {
     return absl::ResourceExhaustedError(absl::StrCat("the mesh takes more than ",
                                                      FormatMemory(limits_.memory_bytes_max),
@@ -432,13 +435,13 @@ absl::Status PlyMeshReader::CheckIndices() const {
 }  // namespace
 
 absl::StatusOr<PlyMesh> ReadPly(const std::string& path, const SceneReaderLimits& limits,
-                                std::optional<Vec3d> origin) {
+                                std::optional<Vec3d> origin, PlyColors colors) {
   absl::StatusOr<std::unique_ptr<TextInput>> input = TextInput::Open(path, limits.file_bytes_max);
   if (!input.ok()) return input.status();
   PlyBytes bytes(std::move(*input));
   const absl::StatusOr<PlyHeader> header = ReadPlyHeader(bytes);
   if (!header.ok()) return header.status();
-  PlyMeshReader reader(&bytes, &*header, limits);
+  PlyMeshReader reader(&bytes, &*header, limits, colors);
   if (absl::Status status = reader.Read(); !status.ok()) return status;
   return reader.Take(origin);
 }

@@ -41,8 +41,11 @@ struct PlyMesh {
 
   const std::vector<uint32_t>& FanIndices() const { return fans.empty() ? mesh.indices : fans; }
 };
-// origin: the one to use; nullopt if the vertices decide.
+// origin: the one to use; nullopt if the vertices decide. colors: also reads red, green and blue of
+// vertices, floats in linear sRGB, and alpha; kInvalidArgument if there are none.
+enum class PlyColors : uint8_t { kSkip, kRead };
 absl::StatusOr<PlyMesh> ReadPly(const std::string& path, const SceneReaderLimits& limits,
-                                std::optional<Vec3d> origin = std::nullopt);
+                                std::optional<Vec3d> origin = std::nullopt,
+                                PlyColors colors = PlyColors::kSkip);
 
 }  // namespace sheaf

@@ -360,6 +360,27 @@ TEST(PlyReaderTest, ListsWhatHasNoEffect) {
           "wrong"}));
 }
 
+TEST(PlyReaderTest, ColorsAreReadOnRequest) {
+  const auto file = [](const std::string& type) {
+    return WriteMesh(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nproperty " +
+        type +
+        " red\nproperty float green\nproperty float blue\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n"
+        "0 0 0 1 0.5 -2\n1 0 0 0 0.25 0\n0 1 0 1 1 3\n3 0 1 2\n");
+  };
+  const absl::StatusOr<PlyMesh> read = ReadPly(file("float"), {}, std::nullopt, PlyColors::kRead);
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(read->mesh.colors,
+            (std::vector<VertexColor>{{1, 0.5f, -2, 1}, {0, 0.25f, 0, 1}, {1, 1, 3, 1}}));
+  EXPECT_TRUE(read->skipped.empty());
+  EXPECT_TRUE(ReadPly(file("float"), {})->mesh.colors.empty());
+  EXPECT_THAT(
+      std::string(ReadPly(file("uchar"), {}, std::nullopt, PlyColors::kRead).status().message()),
+      ::testing::HasSubstr("needs the properties red, green and blue, floats"));
+}
+
 TEST(PlyReaderTest, PointsWithoutFacesAreAWarning) {
   const PlyMesh read = ReadWhole(
       "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"

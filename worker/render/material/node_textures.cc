@@ -9,15 +9,13 @@
 #include "common/math/elementary.h"
 #include "common/math/lattice_noise.h"
 #include "common/scene/node_parameters.h"
-#include "worker/render/material/voronoi_cells.h"
+#include "worker/render/material/node_place.h"
+#include "worker/render/material/node_voronoi.h"
 
 namespace sheaf::render {
 namespace {
 
 using namespace node_number;  // NOLINT: the names of this one table.
-
-double NumberOf(const NodeTexture& node, size_t i) { return static_cast<double>(node.numbers[i]); }
-int ChoiceOf(const NodeTexture& node, size_t i) { return static_cast<int>(node.numbers[i]); }
 
 Vec3d Finite(Vec3d p) {
   for (int i = 0; i < 3; ++i) p[i] = std::isfinite(p[i]) ? p[i] : 0;
@@ -30,18 +28,30 @@ double Smooth(double t) {
 
 // --- Noise -------------------------------------------------------------------------------------
 
+double NoiseOf(const NodePlace& q) {
+  switch (q.dimensions) {
+    case 1:
+      return LatticeNoise(q.w);
+    case 2:
+      return LatticeNoise(Vec2d{q.p.x, q.p.y});
+    case 4:
+      return LatticeNoise(q.p, q.w);
+    default:
+      return LatticeNoise(q.p);
+  }
+}
+
 struct Octaves {
   double detail, roughness, lacunarity;
 };
 // A fractional detail mixes the sums of both whole numbers of octaves. normalized: divided by the
 // amplitudes' sum, otherwise as it is.
-template <typename Place>
-double SumOctaves(Place p, const Octaves& o, bool normalized) {
+double SumOctaves(const NodePlace& p, const Octaves& o, bool normalized) {
   double sum = 0, amplitude = 1, amplitudes = 0, frequency = 1;
   const int whole = static_cast<int>(o.detail);
   const double part = o.detail - whole;
   for (int i = 0; i <= whole; ++i) {
-    sum += amplitude * LatticeNoise(frequency * p);
+    sum += amplitude * NoiseOf(frequency * p);
     amplitudes += amplitude;
     amplitude *= o.roughness;
     frequency *= o.lacunarity;
@@ -49,40 +59,46 @@ double SumOctaves(Place p, const Octaves& o, bool normalized) {
   const auto value = [&](double s, double a) { return normalized ? s / a : s; };
   const double first = value(sum, amplitudes);
   if (part == 0) return first;
-  const double more = sum + amplitude * LatticeNoise(frequency * p);
+  const double more = sum + amplitude * NoiseOf(frequency * p);
   return (1 - part) * first + part * value(more, amplitudes + amplitude);
 }
 
 // The noises of several outputs are apart by a shift between 100 and 200 along each axis.
-Vec3d ShiftOf(float seed) {
-  return Vec3d{100, 100, 100} + 100.0 * Vec3d{static_cast<double>(RandomOf(seed, 0)),
-                                              static_cast<double>(RandomOf(seed, 1)),
-                                              static_cast<double>(RandomOf(seed, 2))};
+NodePlace ShiftOf(float seed, int dimensions) {
+  const auto along = [seed](float axis) {
+    return 100 + 100.0 * static_cast<double>(RandomOf(seed, axis));
+  };
+  if (dimensions == 1) return {{}, 100 + 100.0 * static_cast<double>(RandomOf(seed)), 1};
+  return {{along(0), along(1), along(2)}, along(3), dimensions};
 }
-Vec2d InPlane(Vec3d p) { return {p.x, p.y}; }
 
 // channel: 0 is also the factor.
 double NoiseAt(const NodeTexture& node, Vec3d p, int channel) {
-  p = NumberOf(node, kNoiseScale) * p;
-  const bool is_plane = ChoiceOf(node, kNoiseDimensions) == 2;
-  const auto noise = [&](Vec3d q) { return is_plane ? LatticeNoise(InPlane(q)) : LatticeNoise(q); };
+  NodePlace q =
+      PlaceOf(node, p, kNoiseDimensions, kNoiseW, kNoiseWFrom, NumberOf(node, kNoiseScale));
   if (const double distortion = NumberOf(node, kNoiseDistortion); distortion != 0) {
-    const Vec3d moved{noise(p + ShiftOf(0)), noise(p + ShiftOf(1)),
-                      is_plane ? 0 : noise(p + ShiftOf(2))};
-    p = p + distortion * moved;
+    const auto moved = [&](float seed) { return NoiseOf(q + ShiftOf(seed, q.dimensions)); };
+    NodePlace by{{}, 0, q.dimensions};
+    if (q.dimensions == 1) {
+      by.w = moved(0);
+    } else {
+      by.p = {moved(0), moved(1), q.dimensions == 2 ? 0 : moved(2)};
+      if (q.dimensions == 4) by.w = moved(3);
+    }
+    q = q + distortion * by;
   }
-  if (channel > 0) p = p + ShiftOf(static_cast<float>((is_plane ? 1 : 2) + channel));
+  if (channel > 0) q = q + ShiftOf(static_cast<float>(q.dimensions - 1 + channel), q.dimensions);
   const Octaves octaves{NumberOf(node, kNoiseDetail), NumberOf(node, kNoiseRoughness),
                         NumberOf(node, kNoiseLacunarity)};
   const bool normalized = node.numbers[kNoiseNormalize] != 0;
-  const double sum =
-      is_plane ? SumOctaves(InPlane(p), octaves, normalized) : SumOctaves(p, octaves, normalized);
+  const double sum = SumOctaves(q, octaves, normalized);
   return normalized ? 0.5 * sum + 0.5 : sum;
 }
 
 enum MusgraveType { kFbm, kMultifractal, kHybrid, kRidged, kHetero };
-double MusgraveAt(const NodeTexture& node, Vec3d p) {
-  p = NumberOf(node, kMusgraveScale) * p;
+double MusgraveAt(const NodeTexture& node, Vec3d at) {
+  NodePlace p = PlaceOf(node, at, kMusgraveDimensions, kMusgraveW, kMusgraveWFrom,
+                        NumberOf(node, kMusgraveScale));
   const int type = ChoiceOf(node, kMusgraveType);
   const double detail = NumberOf(node, kMusgraveDetail), offset = NumberOf(node, kMusgraveOffset),
                gain = NumberOf(node, kMusgraveGain),
@@ -96,14 +112,14 @@ double MusgraveAt(const NodeTexture& node, Vec3d p) {
   if (type == kFbm || type == kMultifractal) {
     double value = type == kFbm ? 0 : 1;
     for (int i = 0; i <= whole && weight_of(i) > 0; ++i) {
-      const double octave = weight_of(i) * power * LatticeNoise(p);
+      const double octave = weight_of(i) * power * NoiseOf(p);
       value = type == kFbm ? value + octave : value * (octave + 1);
       power *= fall;
       p = lacunarity * p;
     }
     return value;
   }
-  const double first = LatticeNoise(p);
+  const double first = NoiseOf(p);
   double signal = offset - std::fabs(first);
   signal *= signal;
   double value = type == kRidged ? signal : first + offset;
@@ -113,7 +129,7 @@ double MusgraveAt(const NodeTexture& node, Vec3d p) {
     p = lacunarity * p;
     // Ridges have no octave in part.
     if (weight_of(i) == 0 || (type == kRidged && i == whole)) break;
-    const double noise = LatticeNoise(p);
+    const double noise = NoiseOf(p);
     if (type == kHetero) {
       value += weight_of(i) * (noise + offset) * power * value;
     } else if (type == kHybrid) {
@@ -154,7 +170,8 @@ double WaveAt(const NodeTexture& node, Vec3d p) {
   phase += NumberOf(node, kWavePhase);
   if (const double distortion = NumberOf(node, kWaveDistortion); distortion != 0) {
     const Octaves octaves{NumberOf(node, kWaveDetail), NumberOf(node, kWaveDetailRoughness), 2};
-    phase += distortion * SumOctaves(NumberOf(node, kWaveDetailScale) * p, octaves, true);
+    phase +=
+        distortion * SumOctaves(NumberOf(node, kWaveDetailScale) * NodePlace{p}, octaves, true);
   }
   const int profile = ChoiceOf(node, kWaveProfile);
   if (profile == 0) return 0.5 + 0.5 * Sin(phase - 0.5 * kPi);
@@ -244,18 +261,19 @@ double GradientAt(const NodeTexture& node, Vec3d p) {
 }
 
 std::array<float, 3> WhiteNoiseAt(const NodeTexture& node, Vec3d p) {
-  const Vec3f at = ToFloat(p);
-  return ChoiceOf(node, kWhiteDimensions) == 2 ? RandomTripleOf(at.x, at.y)
-                                               : RandomTripleOf(at.x, at.y, at.z);
-}
-
-VoronoiCell VoronoiAt(const NodeTexture& node, Vec3d p) {
-  return VoronoiCellAt(
-      {static_cast<VoronoiFeature>(ChoiceOf(node, kVoronoiFeature)),
-       static_cast<VoronoiMetric>(ChoiceOf(node, kVoronoiMetric)),
-       ChoiceOf(node, kVoronoiDimensions) == 2, 0.5 * NumberOf(node, kVoronoiSmoothness),
-       NumberOf(node, kVoronoiExponent), NumberOf(node, kVoronoiRandomness)},
-      NumberOf(node, kVoronoiScale) * p);
+  const NodePlace q = PlaceOf(node, p, kWhiteDimensions, kWhiteW, kWhiteWFrom, 1);
+  const Vec3f at = ToFloat(q.p);
+  const auto w = static_cast<float>(q.w);
+  switch (q.dimensions) {
+    case 1:
+      return RandomTripleOf(w);
+    case 2:
+      return RandomTripleOf(at.x, at.y);
+    case 4:
+      return RandomTripleOf(at.x, at.y, at.z, w);
+    default:
+      return RandomTripleOf(at.x, at.y, at.z);
+  }
 }
 
 }  // namespace
@@ -268,7 +286,7 @@ float NodeFactor(const NodeTexture& node, Vec3d place) {
     case NodeTexture::Kind::kMusgrave:
       return static_cast<float>(MusgraveAt(node, p));
     case NodeTexture::Kind::kVoronoi:
-      return static_cast<float>(VoronoiAt(node, p).distance);
+      return static_cast<float>(VoronoiNodeAt(node, p).distance);
     case NodeTexture::Kind::kWave:
       return static_cast<float>(WaveAt(node, p));
     case NodeTexture::Kind::kMagic: {
@@ -281,6 +299,8 @@ float NodeFactor(const NodeTexture& node, Vec3d place) {
       return static_cast<float>(GradientAt(node, p));
     case NodeTexture::Kind::kWhiteNoise:
       return WhiteNoiseAt(node, p)[0];
+    case NodeTexture::Kind::kAttribute:
+      break;  // AttributeFactor: it has no place.
   }
   return 0;
 }
@@ -294,7 +314,7 @@ Rgb NodeColor(const NodeTexture& node, Vec3d place) {
     case NodeTexture::Kind::kNoise:
       return rgb({NoiseAt(node, p, 0), NoiseAt(node, p, 1), NoiseAt(node, p, 2)});
     case NodeTexture::Kind::kVoronoi:
-      return rgb(VoronoiAt(node, p).color);
+      return rgb(VoronoiNodeAt(node, p).color);
     case NodeTexture::Kind::kMagic:
       return rgb(MagicAt(node, p));
     case NodeTexture::Kind::kWhiteNoise: {
@@ -303,6 +323,20 @@ Rgb NodeColor(const NodeTexture& node, Vec3d place) {
     }
     default:
       return Rgb::Gray(NodeFactor(node, p));
+  }
+}
+
+float AttributeFactor(const NodeTexture& node, const VertexColor& color) {
+  const Rgb rgb{color[0], color[1], color[2]};
+  switch (ChoiceOf(node, kAttributeChannel)) {
+    case kLuminance:
+      return 0.2126f * rgb.r + 0.7152f * rgb.g + 0.0722f * rgb.b;
+    case kMeanColor:
+      return (rgb.r + rgb.g + rgb.b) / 3;
+    case kAlpha:
+      return color[3];
+    default:
+      return rgb[static_cast<size_t>(ChoiceOf(node, kAttributeChannel) - kRed)];
   }
 }
 
@@ -317,7 +351,7 @@ double NodeFrequency(const NodeTexture& node) {
     case NodeTexture::Kind::kMusgrave:
       return finest(kMusgraveScale, kMusgraveDetail, NumberOf(node, kMusgraveLacunarity));
     case NodeTexture::Kind::kVoronoi:
-      return std::fabs(NumberOf(node, kVoronoiScale));
+      return finest(kVoronoiScale, kVoronoiDetail, NumberOf(node, kVoronoiLacunarity));
     case NodeTexture::Kind::kWave:
       return std::fmax(
           4 * std::fabs(NumberOf(node, kWaveScale)),
@@ -330,6 +364,7 @@ double NodeFrequency(const NodeTexture& node) {
       return std::fabs(NumberOf(node, kBrickScale)) /
              std::fmax(NumberOf(node, kBrickMortarSize), 1e-3);
     case NodeTexture::Kind::kGradient:
+    case NodeTexture::Kind::kAttribute:
       return 1;
     case NodeTexture::Kind::kWhiteNoise:
       return 1000;
@@ -345,6 +380,10 @@ int NodeOctaves(const NodeTexture& node) {
       return static_cast<int>(node.numbers[kMusgraveDetail]) + 2;
     case NodeTexture::Kind::kWave:
       return static_cast<int>(node.numbers[kWaveDetail]) + 2;
+    case NodeTexture::Kind::kVoronoi:
+      return 4 * static_cast<int>(node.numbers[kVoronoiDetail] + 1);
+    case NodeTexture::Kind::kAttribute:
+      return 0;
     default:
       return 4;
   }

@@ -13,11 +13,15 @@
 
 #include "common/math/vec.h"
 #include "common/scene/pattern_textures.h"
+#include "common/scene/scene_description.h"
 
 namespace sheaf::render {
 
+// Require: the kind is not kAttribute.
 float NodeFactor(const NodeTexture& node, Vec3d p);
 Rgb NodeColor(const NodeTexture& node, Vec3d p);
+// Requires: kAttribute, whose color is that of the vertices.
+float AttributeFactor(const NodeTexture& node, const VertexColor& color);
 // In cells of the finest detail per unit of texture space.
 double NodeFrequency(const NodeTexture& node);
 // Octaves of noise that a look-up sums.

@@ -74,12 +74,12 @@ TEST(NodeTexturesTest, VoronoiDistancesAreThoseToTheNearestPoints) {
   VoronoiOptions smooth{.feature = VoronoiFeature::kSmoothF1, .smoothness = 1e-6};
   for (int i = 0; i < 200; ++i) {
     const Vec3d p{i * 0.137 - 9, i * 0.311, i * -0.071};
-    const double first = VoronoiCellAt(f1, p).distance, second = VoronoiCellAt(f2, p).distance;
+    const double first = VoronoiCellAt(f1, {p}).distance, second = VoronoiCellAt(f2, {p}).distance;
     EXPECT_LE(first, second);
     EXPECT_LE(first, std::sqrt(3.0));
-    EXPECT_NEAR(VoronoiCellAt(smooth, p).distance, first, 1e-5);
+    EXPECT_NEAR(VoronoiCellAt(smooth, {p}).distance, first, 1e-5);
     // The bisector of two points is half of the difference of the distances away, at least.
-    EXPECT_GE(VoronoiCellAt(edge, p).distance, 0.5 * (second - first) - 1e-12);
+    EXPECT_GE(VoronoiCellAt(edge, {p}).distance, 0.5 * (second - first) - 1e-12);
   }
 }
 
@@ -87,10 +87,10 @@ TEST(NodeTexturesTest, VoronoiDistancesAreThoseToTheNearestPoints) {
 TEST(NodeTexturesTest, VoronoiMetricsMeasureTheLattice) {
   VoronoiOptions options{.exponent = 3, .randomness = 0};
   const Vec3d p{4.25, -2.125, 7.5 - 0.0625};
-  const double x = 0.25, y = 0.125, z = 0.4375;
+  const double x = 0.25, y = 0.125, z = 0.4375, w = -2.375;
   const auto distance = [&](VoronoiMetric metric) {
     options.metric = metric;
-    return VoronoiCellAt(options, p).distance;
+    return VoronoiCellAt(options, {p, w}).distance;
   };
   EXPECT_NEAR(distance(VoronoiMetric::kEuclidean), std::sqrt(x * x + y * y + z * z), 1e-12);
   EXPECT_NEAR(distance(VoronoiMetric::kManhattan), x + y + z, 1e-12);
@@ -99,8 +99,66 @@ TEST(NodeTexturesTest, VoronoiMetricsMeasureTheLattice) {
               1e-12);
   options.feature = VoronoiFeature::kDistanceToEdge;
   EXPECT_NEAR(distance(VoronoiMetric::kEuclidean), 0.5 - z, 1e-12);
-  options.is_plane = true;
+  options.dimensions = 2;
   EXPECT_NEAR(distance(VoronoiMetric::kEuclidean), 0.5 - x, 1e-12);
+  options.dimensions = 1;
+  EXPECT_NEAR(distance(VoronoiMetric::kEuclidean), 0.5 - 0.375, 1e-12);
+  options.feature = VoronoiFeature::kF1;
+  EXPECT_NEAR(distance(VoronoiMetric::kManhattan), 0.375, 1e-12);
+  options.dimensions = 4;
+  EXPECT_NEAR(distance(VoronoiMetric::kManhattan), x + y + z + 0.375, 1e-12);
+  EXPECT_NEAR(VoronoiReach(options, 0.5), 2, 1e-12);
+}
+
+// Blender 4.0 and later have octaves of smaller cells, and divide by the largest distance.
+TEST(NodeTexturesTest, VoronoiHasOctaves) {
+  NodeTexture node = Node(Kind::kVoronoi, "detail", 1.5f);
+  const auto once = [](Vec3d p) { return VoronoiCellAt({}, {p}).distance; };
+  for (const Vec3d p : kAt) {
+    const double sum = once(5.0 * p) + 0.5 * once(10.0 * p) + 0.5 * 0.25 * once(20.0 * p);
+    EXPECT_NEAR(NodeFactor(node, p), sum, 1e-5);
+    const NodeTexture normalized = With(node, node_number::kVoronoiNormalize, 1);
+    EXPECT_NEAR(NodeFactor(normalized, p), sum / (1.625 * std::sqrt(3.0)), 1e-5);
+    const NodeTexture edges = With(node, node_number::kVoronoiFeature, 3);
+    EXPECT_LE(NodeFactor(edges, p), NodeFactor(Node(Kind::kVoronoi, "feature", 3), p) + 1e-6f);
+  }
+}
+
+// In one dimension the place is w, or the place's x; in four w is the last coordinate.
+TEST(NodeTexturesTest, NoiseOfOneAndFourDimensions) {
+  NodeTexture node = With(Node(Kind::kNoise, "dimensions", 1), node_number::kNoiseDetail, 0);
+  EXPECT_EQ(NodeFactor(node, kAt[0]), 0.5f);  // 0 at integers.
+  node.numbers[node_number::kNoiseW] = 0.1f;
+  EXPECT_NEAR(NodeFactor(node, kAt[0]), 0.5 + 0.5 * LatticeNoise(0.5), 1e-6);
+  EXPECT_EQ(NodeFactor(node, kAt[0]), NodeFactor(node, kAt[1]));
+  node.numbers[node_number::kNoiseWFrom] = 1;
+  EXPECT_NEAR(NodeFactor(node, {0.3, 9, 9}), 0.5 + 0.5 * LatticeNoise(1.5), 1e-6);
+  NodeTexture four = With(Node(Kind::kNoise, "dimensions", 4), node_number::kNoiseDetail, 0);
+  four.numbers[node_number::kNoiseW] = 0.125f;
+  EXPECT_NEAR(NodeFactor(four, kAt[0]), 0.5 + 0.5 * LatticeNoise(5.0 * kAt[0], 0.625), 1e-6);
+  EXPECT_EQ(LatticeNoise(Vec3d{3, -2, 7}, 1), 0);
+  // On a line through the centers of two cells the noises of two seeds differ.
+  EXPECT_NE(NodeColor(four, kAt[0]).g, NodeColor(four, kAt[0]).b);
+  for (const Kind kind : {Kind::kMusgrave, Kind::kVoronoi, Kind::kWhiteNoise}) {
+    const NodeTexture with = Node(kind, "dimensions", 4), line = Node(kind, "dimensions", 1);
+    NodeTexture moved = with;
+    moved.numbers[kind == Kind::kMusgrave  ? size_t{node_number::kMusgraveW}
+                  : kind == Kind::kVoronoi ? size_t{node_number::kVoronoiW}
+                                           : size_t{node_number::kWhiteW}] = 0.3f;
+    EXPECT_NE(NodeFactor(with, kAt[0]), NodeFactor(moved, kAt[0]));
+    EXPECT_EQ(NodeFactor(line, kAt[0]), NodeFactor(line, kAt[1]));
+  }
+}
+
+TEST(NodeTexturesTest, AttributesAreColorsOfVertices) {
+  const auto of = [](float channel) {
+    return AttributeFactor(Node(Kind::kAttribute, "channel", channel), {0.1f, 0.4f, 0.7f, 0.9f});
+  };
+  EXPECT_FLOAT_EQ(of(0), 0.2126f * 0.1f + 0.7152f * 0.4f + 0.0722f * 0.7f);
+  EXPECT_FLOAT_EQ(of(1), 0.4f);
+  EXPECT_EQ(of(2), 0.1f);
+  EXPECT_EQ(of(4), 0.7f);
+  EXPECT_EQ(of(5), 0.9f);
 }
 
 TEST(NodeTexturesTest, WavesAreBandsOrRingsOfTheirProfile) {
@@ -157,7 +215,7 @@ TEST(NodeTexturesTest, BadPlacesGiveNumbersOfEveryNode) {
       EXPECT_TRUE(std::isfinite(NodeColor(node, p).b)) << known.name;
     }
     EXPECT_GT(NodeFrequency(node), 0) << known.name;
-    EXPECT_GT(NodeOctaves(node), 0) << known.name;
+    EXPECT_GE(NodeOctaves(node), known.kind == Kind::kAttribute ? 0 : 1) << known.name;
   }
 }
 

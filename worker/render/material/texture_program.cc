@@ -356,7 +356,9 @@ Color TextureProgram::Evaluate(int32_t texture, const TexturePoint& point,
       return sum;
     }
     case Kind::kNode: {
-      const Rgb color = NodeColor(NodeOf(node), PointOf(node, point));
+      const bool is_attribute = NodeOf(node).kind == NodeTexture::Kind::kAttribute;
+      const Rgb color = is_attribute ? Rgb{point.color[0], point.color[1], point.color[2]}
+                                     : NodeColor(NodeOf(node), PointOf(node, point));
       return ColorOfRgb<Color>(WithoutNegative(color), node.role, wavelengths);
     }
     case Kind::kRamp: {
@@ -417,6 +419,9 @@ float TextureProgram::EvaluateFloat(int32_t texture, const TexturePoint& point) 
       return sum;
     }
     case Kind::kNode:
+      if (NodeOf(node).kind == NodeTexture::Kind::kAttribute) {
+        return AttributeFactor(NodeOf(node), point.color);
+      }
       return NodeFactor(NodeOf(node), PointOf(node, point));
     case Kind::kRamp:
       return RampAt(RampOf(node), Float(node.amount, point), false).r;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 #include "common/math/elementary.h"
 #include "common/math/lattice_noise.h"
@@ -20,63 +21,91 @@ Vec3d TripleOf(std::array<float, 3> c) {
   return {static_cast<double>(c[0]), static_cast<double>(c[1]), static_cast<double>(c[2])};
 }
 
+template <size_t N>
+using Point = std::array<double, N>;
+
+template <size_t N>
+double LengthSquaredOf(const Point<N>& v) {
+  double sum = 0;
+  for (size_t i = 0; i < N; ++i) sum += v[i] * v[i];
+  return sum;
+}
+
+template <size_t N>
+double DistanceTo(const VoronoiOptions& options, Point<N> d) {
+  for (double& x : d) x = std::fabs(x);
+  if (options.metric == VoronoiMetric::kEuclidean || N == 1) return std::sqrt(LengthSquaredOf(d));
+  double sum = 0;
+  for (const double x : d) {
+    if (options.metric == VoronoiMetric::kManhattan) sum += x;
+    if (options.metric == VoronoiMetric::kChebychev) sum = std::fmax(sum, x);
+    if (options.metric == VoronoiMetric::kMinkowski) sum += Pow(x, options.exponent);
+  }
+  return options.metric == VoronoiMetric::kMinkowski ? Pow(sum, 1 / options.exponent) : sum;
+}
+
+template <size_t N>
 class Cells {
  public:
-  Cells(const VoronoiOptions& options, Vec3d p)
-      : options_(options),
-        below_{std::floor(p.x), std::floor(p.y), options.is_plane ? 0 : std::floor(p.z)},
-        inside_(p - below_) {
-    if (options.is_plane) inside_.z = 0;
+  Cells(const VoronoiOptions& options, const Point<N>& p) : options_(options) {
+    for (size_t i = 0; i < N; ++i) {
+      below_[i] = std::floor(p[i]);
+      inside_[i] = p[i] - below_[i];
+    }
   }
 
-  // Calls visit(offset of the cell) for the cells up to `reach` away.
+  // Calls visit(offset of the cell) for the cells up to `reach` away; the first axis is innermost.
   template <typename Visit>
   void ForEach(int reach, const Visit& visit) const {
-    const int depth = options_.is_plane ? 0 : reach;
-    for (int k = -depth; k <= depth; ++k) {
-      for (int j = -reach; j <= reach; ++j) {
-        for (int i = -reach; i <= reach; ++i) visit(Vec3d{double(i), double(j), double(k)});
-      }
+    Point<N> offset;
+    offset.fill(-reach);
+    for (;;) {
+      visit(offset);
+      size_t axis = 0;
+      while (axis < N && offset[axis] == reach) offset[axis++] = -reach;
+      if (axis == N) return;
+      ++offset[axis];
     }
   }
-  Vec3d RandomOf(Vec3d offset) const {
-    const Vec3f at = ToFloat(below_ + offset);
-    return TripleOf(options_.is_plane ? RandomTripleOf(at.x, at.y)
-                                      : RandomTripleOf(at.x, at.y, at.z));
+  Vec3d ColorOf(const Point<N>& offset) const {
+    const std::array<float, N> at = At(offset);
+    return TripleOf(std::apply([](auto... x) { return RandomTripleOf(x...); }, at));
   }
   // The cell's point, from the looked-up place.
-  Vec3d PointFrom(Vec3d offset) const {
-    Vec3d point = offset + options_.randomness * RandomOf(offset);
-    if (options_.is_plane) point.z = 0;
-    return point - inside_;
-  }
-  double Distance(Vec3d v) const {
-    const Vec3d d{std::fabs(v.x), std::fabs(v.y), std::fabs(v.z)};
-    switch (options_.metric) {
-      case VoronoiMetric::kEuclidean:
-        return Length(d);
-      case VoronoiMetric::kManhattan:
-        return d.x + d.y + d.z;
-      case VoronoiMetric::kChebychev:
-        return std::fmax(d.x, std::fmax(d.y, d.z));
-      case VoronoiMetric::kMinkowski:
-        return Pow(
-            Pow(d.x, options_.exponent) + Pow(d.y, options_.exponent) + Pow(d.z, options_.exponent),
-            1 / options_.exponent);
+  Point<N> PointFrom(const Point<N>& offset) const {
+    const std::array<float, N> at = At(offset);
+    Point<N> point;
+    const auto set = [&](const auto& random) {
+      for (size_t i = 0; i < N; ++i) {
+        point[i] = offset[i] + options_.randomness * static_cast<double>(random[i]) - inside_[i];
+      }
+    };
+    if constexpr (N == 4) {
+      set(RandomQuadrupleOf(at[0], at[1], at[2], at[3]));
+    } else {
+      set(std::apply([](auto... x) { return RandomTripleOf(x...); }, at));
     }
-    return 0;
+    return point;
   }
+  double Distance(const Point<N>& v) const { return DistanceTo(options_, v); }
 
  private:
+  std::array<float, N> At(const Point<N>& offset) const {
+    std::array<float, N> at;
+    for (size_t i = 0; i < N; ++i) at[i] = static_cast<float>(below_[i] + offset[i]);
+    return at;
+  }
+
   const VoronoiOptions& options_;
-  Vec3d below_, inside_;
+  Point<N> below_, inside_;
 };
 
-VoronoiCell Nearest(const Cells& cells, bool second) {
+template <size_t N>
+VoronoiCell Nearest(const Cells<N>& cells, bool second) {
   constexpr double kFar = std::numeric_limits<double>::max();
   double first_distance = kFar, second_distance = kFar;
-  Vec3d first_offset{}, second_offset{};
-  cells.ForEach(1, [&](Vec3d offset) {
+  Point<N> first_offset{}, second_offset{};
+  cells.ForEach(1, [&](const Point<N>& offset) {
     const double distance = cells.Distance(cells.PointFrom(offset));
     if (distance < first_distance) {
       second_distance = first_distance;
@@ -88,14 +117,15 @@ VoronoiCell Nearest(const Cells& cells, bool second) {
       second_offset = offset;
     }
   });
-  return second ? VoronoiCell{second_distance, cells.RandomOf(second_offset)}
-                : VoronoiCell{first_distance, cells.RandomOf(first_offset)};
+  return second ? VoronoiCell{second_distance, cells.ColorOf(second_offset)}
+                : VoronoiCell{first_distance, cells.ColorOf(first_offset)};
 }
 
-VoronoiCell Smooth(const Cells& cells, double smoothness) {
+template <size_t N>
+VoronoiCell Smooth(const Cells<N>& cells, double smoothness) {
   VoronoiCell sum;
   bool is_first = true;
-  cells.ForEach(2, [&](Vec3d offset) {
+  cells.ForEach(2, [&](const Point<N>& offset) {
     const double distance = cells.Distance(cells.PointFrom(offset));
     const double t =
         is_first ? 1 : std::clamp(0.5 + 0.5 * (sum.distance - distance) / smoothness, 0.0, 1.0);
@@ -105,35 +135,49 @@ VoronoiCell Smooth(const Cells& cells, double smoothness) {
     sum.distance = (1 - h) * sum.distance + h * distance - correction;
     const double of_color = correction / (1 + 3 * smoothness);
     sum.color =
-        (1 - h) * sum.color + h * cells.RandomOf(offset) - Vec3d{of_color, of_color, of_color};
+        (1 - h) * sum.color + h * cells.ColorOf(offset) - Vec3d{of_color, of_color, of_color};
   });
   return sum;
 }
 
-double DistanceToEdge(const Cells& cells) {
-  Vec3d nearest{};
+// On a line the neighbors of the cell's own point are those of the cells beside it.
+double DistanceToEdge(const Cells<1>& cells) {
+  const double own = cells.PointFrom({0})[0];
+  return std::fmin(std::fabs(own + cells.PointFrom({-1})[0]),
+                   std::fabs(own + cells.PointFrom({1})[0])) /
+         2;
+}
+
+template <size_t N>
+double DistanceToEdge(const Cells<N>& cells) {
+  Point<N> nearest{};
   double least = std::numeric_limits<double>::max();
-  cells.ForEach(1, [&](Vec3d offset) {
-    const Vec3d point = cells.PointFrom(offset);
-    if (const double square = LengthSquared(point); square < least) {
+  cells.ForEach(1, [&](const Point<N>& offset) {
+    const Point<N> point = cells.PointFrom(offset);
+    if (const double square = LengthSquaredOf(point); square < least) {
       least = square;
       nearest = point;
     }
   });
   double distance = std::numeric_limits<double>::max();
-  cells.ForEach(1, [&](Vec3d offset) {
-    const Vec3d point = cells.PointFrom(offset), across = point - nearest;
-    const double square = LengthSquared(across);
+  cells.ForEach(1, [&](const Point<N>& offset) {
+    const Point<N> point = cells.PointFrom(offset);
+    Point<N> across;
+    for (size_t i = 0; i < N; ++i) across[i] = point[i] - nearest[i];
+    const double square = LengthSquaredOf(across);
     if (square <= kSamePoint) return;
-    distance = std::fmin(distance, Dot(0.5 * (nearest + point), across / std::sqrt(square)));
+    double along = 0;
+    for (size_t i = 0; i < N; ++i) {
+      along += 0.5 * (nearest[i] + point[i]) * (across[i] / std::sqrt(square));
+    }
+    distance = std::fmin(distance, along);
   });
   return distance;
 }
 
-}  // namespace
-
-VoronoiCell VoronoiCellAt(const VoronoiOptions& options, Vec3d p) {
-  const Cells cells(options, p);
+template <size_t N>
+VoronoiCell CellAt(const VoronoiOptions& options, const Point<N>& p) {
+  const Cells<N> cells(options, p);
   switch (options.feature) {
     case VoronoiFeature::kF1:
       return Nearest(cells, false);
@@ -146,6 +190,35 @@ VoronoiCell VoronoiCellAt(const VoronoiOptions& options, Vec3d p) {
       return {DistanceToEdge(cells), {}};
   }
   return {};
+}
+
+}  // namespace
+
+VoronoiCell VoronoiCellAt(const VoronoiOptions& options, const VoronoiPlace& place) {
+  const Vec3d p = place.p;
+  switch (options.dimensions) {
+    case 1:
+      return CellAt<1>(options, {place.w});
+    case 2:
+      return CellAt<2>(options, {p.x, p.y});
+    case 4:
+      return CellAt<4>(options, {p.x, p.y, p.z, place.w});
+    default:
+      return CellAt<3>(options, {p.x, p.y, p.z});
+  }
+}
+
+double VoronoiReach(const VoronoiOptions& options, double side) {
+  switch (options.dimensions) {
+    case 1:
+      return DistanceTo<1>(options, {side});
+    case 2:
+      return DistanceTo<2>(options, {side, side});
+    case 4:
+      return DistanceTo<4>(options, {side, side, side, side});
+    default:
+      return DistanceTo<3>(options, {side, side, side});
+  }
 }
 
 }  // namespace sheaf::render

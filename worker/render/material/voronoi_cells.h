@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Cells around random points, one in each unit square or cube.
+// Cells around random points, one in each unit interval, square, cube or hypercube.
 // Sources: Worley 1996, "A cellular texture basis function"; Quilez 2012 (distances to edges); the
 // smooth minimum and the random points of Blender's Voronoi node.
 #pragma once
@@ -17,7 +17,7 @@ enum class VoronoiMetric : uint8_t { kEuclidean, kManhattan, kChebychev, kMinkow
 struct VoronoiOptions {
   VoronoiFeature feature = VoronoiFeature::kF1;
   VoronoiMetric metric = VoronoiMetric::kEuclidean;  // Distances to edges are Euclidean.
-  bool is_plane = false;                             // z is ignored.
+  int dimensions = 3;                                // From 1 to 4; see VoronoiPlace.
   double smoothness = 0;                             // From 0 to 1/2; for kSmoothF1.
   double exponent = 1;                               // Positive; for kMinkowski.
   double randomness = 1;  // 0: the points are the corners of the lattice.
@@ -26,7 +26,14 @@ struct VoronoiCell {
   double distance = 0;
   Vec3d color{};  // Random, of the point whose distance it is; 0 for kDistanceToEdge.
 };
-// Requires: p is finite. Thread safety: pure.
-VoronoiCell VoronoiCellAt(const VoronoiOptions& options, Vec3d p);
+// In one dimension w alone counts, in two x and y, in three p, in four all.
+struct VoronoiPlace {
+  Vec3d p{};
+  double w = 0;
+};
+// Requires: the place is finite. Thread safety: pure.
+VoronoiCell VoronoiCellAt(const VoronoiOptions& options, const VoronoiPlace& place);
+// The distance between the origin and the corner of a cell at `side` along each axis.
+double VoronoiReach(const VoronoiOptions& options, double side);
 
 }  // namespace sheaf::render

@@ -75,7 +75,9 @@ class UsedTextures {
     return along || across;
   }
   bool AddInputs(const BilerpTexture& t) { return t.mapping.kind != UvMapping::Kind::kUv; }
-  bool AddInputs(const NodeTexture& t) { return !t.from_uv; }
+  bool AddInputs(const NodeTexture& t) {
+    return !t.from_uv && t.kind != NodeTexture::Kind::kAttribute;
+  }
   bool AddInputs(const RampTexture& t) { return Add(t.input.texture); }
 
   const SceneDescription& scene_;

@@ -103,7 +103,8 @@ bool ShapeTable::SetTriangleMesh(ParameterList& parameters, ShapeDescription* sh
 }
 
 std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::string>& names,
-                                                     ParameterList& parameters, MeshOrigin* at) {
+                                                     PlyColors colors, ParameterList& parameters,
+                                                     MeshOrigin* at) {
   std::optional<TriangleMesh> mesh;
   std::vector<uint32_t> fans;  // Fans of the first step; kept if there are more.
   for (size_t i = 0; i < names.size(); ++i) {
@@ -116,7 +117,7 @@ std::optional<TriangleMesh> ShapeTable::ReadPlyFiles(const std::vector<std::stri
     absl::StatusOr<PlyMesh> read = absl::UnknownError("");
     if (path.ok()) {
       const PhaseTimer timer(LoadPhase::kMeshes);
-      read = ReadPly(*path, limits_, origin);
+      read = ReadPly(*path, limits_, origin, i == 0 ? colors : PlyColors::kSkip);
     }
     const absl::Status status = path.ok() ? read.status() : path.status();
     if (!status.ok()) {
@@ -198,11 +199,14 @@ bool ShapeTable::SetPlyMesh(ParameterList& parameters, ShapeDescription* shape) 
     return false;
   }
   const bool may_move = CanMoveOrigin(shape->world_from_object);
-  const auto [entry, is_new] = mesh_of_files_.try_emplace({names, may_move});
+  const PlyColors colors =
+      parameters.GetBool("vertexcolors", false) ? PlyColors::kRead : PlyColors::kSkip;
+  const auto [entry, is_new] =
+      mesh_of_files_.try_emplace({names, may_move, colors == PlyColors::kRead});
   FileMesh& known = entry->second;
   if (is_new) {
     known.at.may_move = may_move;
-    std::optional<TriangleMesh> mesh = ReadPlyFiles(names, parameters, &known.at);
+    std::optional<TriangleMesh> mesh = ReadPlyFiles(names, colors, parameters, &known.at);
     if (!mesh.has_value() || !AddMesh(*std::move(mesh), parameters, &known.mesh)) return false;
   }
   if (known.mesh == kNone) return false;  // Reported at its first use.
@@ -214,7 +218,7 @@ bool ShapeTable::SetLevelSet(ParameterList& parameters, ShapeDescription* shape)
   const std::optional<LevelSetParameters> wanted = ReadLevelSetParameters(parameters);
   if (!wanted.has_value()) return false;
   const bool may_move = CanMoveOrigin(shape->world_from_object);
-  const auto [entry, is_new] = mesh_of_files_.try_emplace({wanted->Key(), may_move});
+  const auto [entry, is_new] = mesh_of_files_.try_emplace({wanted->Key(), may_move, false});
   FileMesh& known = entry->second;
   if (is_new) {
     known.at.may_move = may_move;

@@ -9,6 +9,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -63,7 +64,7 @@ class ShapeTable {
   bool SetCurve(ParameterList& parameters, ShapeDescription* shape);
   // The mesh of one file, or of several, one for each step over the shutter. Empty (reported) if
   // one cannot be read or does not fit the first.
-  std::optional<TriangleMesh> ReadPlyFiles(const std::vector<std::string>& names,
+  std::optional<TriangleMesh> ReadPlyFiles(const std::vector<std::string>& names, PlyColors colors,
                                            ParameterList& parameters, MeshOrigin* at);
   bool SetLevelSet(ParameterList& parameters, ShapeDescription* shape);
   void AddSkipped(const std::string& file, SourceLocation location, const PlySkipped& skipped);
@@ -85,8 +86,8 @@ class ShapeTable {
     int32_t mesh = kNone;  // kNone if the files cannot be read.
     MeshOrigin at;
   };
-  // Keyed by the names of a mesh's files, and whether its origin may move.
-  std::map<std::pair<std::vector<std::string>, bool>, FileMesh> mesh_of_files_;
+  // Keyed by the names of a mesh's files, whether its origin may move, and whether it has colors.
+  std::map<std::tuple<std::vector<std::string>, bool, bool>, FileMesh> mesh_of_files_;
   struct SkippedInFiles {
     std::string file;  // The first.
     SourceLocation location;
