@@ -92,6 +92,17 @@ class MeshTest(unittest.TestCase):
         first, _ = mesh_arrays.weld(numpy.int32([0, 0]), uvs=numpy.float32([[0, -0.0], [-0.0, 0]]))
         self.assertEqual(len(first), 1)
 
+    def test_colors_of_corners(self):
+        colors = numpy.arange(24, dtype=numpy.float32).reshape(6, 4)
+        colors[3] = colors[0]
+        built = mesh_arrays.build(self.positions, self.corner_vertices, self.triangles,
+                                  colors=colors)
+        self.assertEqual(len(built.positions), 5)  # Vertex 2 has two colors.
+        numpy.testing.assert_array_equal(built.colors[built.triangles.reshape(-1)], colors)
+        head = bytes(ply.ply_chunks(built.positions, built.triangles, colors=built.colors)[0])
+        self.assertIn(b"property float red\nproperty float green\nproperty float blue\n"
+                      b"property float alpha\nelement face", head)
+
     def test_a_part_of_the_triangles(self):
         built = mesh_arrays.build(self.positions, self.corner_vertices, self.triangles[1:])
         numpy.testing.assert_array_equal(built.positions[built.triangles[0]],

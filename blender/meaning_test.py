@@ -66,6 +66,24 @@ class NodeValueTest(unittest.TestCase):
         _, scene = self.written(dataclasses.replace(NODE, wants_color=False), True)
         self.assertIn('"float positions" [0 1] "float colors" [0 0 0 1 1 1]', scene)
 
+    def test_attributes_keep_their_colors(self):
+        color = values.attribute_of_vertices("Col")
+        _, scene = self.written(color, True)
+        self.assertIn('"spectrum" "node" "string node" "attribute"', scene)
+        tinted = values.apply(color, "multiply", 0.5, 1.0, 1.0)
+        self.assertEqual(values.color_of_vertices(tinted),
+                         ("Col", (("multiply", (0.5, 1.0, 1.0)),)))
+        self.assertTrue(values.is_exact_at_vertices(tinted))
+        self.assertFalse(values.is_exact_at_vertices(values.apply(color, "gamma", 2.0)))
+        green = values.apply(color, "channel", 1)
+        self.assertFalse(green.is_simplified)
+        _, scene = self.written(green, False)
+        self.assertIn('"float" "node" "string node" "attribute" "string from" "uv"', scene)
+        self.assertIn('"string channel" "green"', scene)
+        ramped = values.apply(color, "ramp", ((0.0,) * 3, (1.0,) * 3))
+        self.assertEqual((ramped.at_vertices, ramped.parameters), ((), (("channel", "luminance"),)))
+        self.assertIsNone(values.color_of_vertices(NODE))
+
     def test_places_of_objects_have_materials_of_their_own(self):
         node = dataclasses.replace(NODE, space="generated", matrix=tuple(
             map(float, numpy.identity(4).ravel())))
@@ -331,7 +349,8 @@ class RayVisibilityTest(unittest.TestCase):
         known = ray_visibility.known_techniques
         self.assertEqual(known(["--samples", "4"]), ["--samples", "4"])
         for given, left in (("auto", "auto"), ("camera+light+guiding+merging", "camera+guiding"),
-                            ("light", "camera"), ("camera+sharing+views", "camera")):
+                            ("light", "camera"), ("camera+sharing+views", "camera"),
+                            ("camera+chains", "camera")):
             self.assertEqual(known(["--techniques", given]), ["--techniques", left])
 
     def test_text_knows_whether_something_is_hidden(self):

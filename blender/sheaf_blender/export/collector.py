@@ -230,7 +230,7 @@ class Collector:
         # A later key's mesh must have the vertices of this very file.
         source = None if may_deform else arrays.source
         path = self._content.put(ply.ply_chunks(arrays.positions, arrays.triangles, arrays.normals,
-                                                arrays.uvs), ".ply", source)
+                                                arrays.uvs, arrays.colors), ".ply", source)
         return Part(shading, path, arrays)
 
     def shading_of(self, material):
@@ -254,6 +254,11 @@ class Collector:
         """Whether anything that was read scatters light inside."""
         return any(shading.medium is not None and max(shading.medium.scattering) > 0
                    for shading in self._shadings.values())
+
+    def has_media(self):
+        """Whether anything has a volume."""
+        return self.has_volumes() or any(shading.medium is not None
+                                         for shading in self._shadings.values())
 
     def clear_sides(self):
         """How many sides the transparent objects have: two each, and one of a plane."""

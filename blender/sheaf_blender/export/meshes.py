@@ -3,7 +3,7 @@
 """Meshes of evaluated objects as arrays, read in bulk."""
 import numpy
 
-from ..scene import mesh_arrays
+from ..scene import mesh_arrays, pixel_ops
 
 
 def read_parts(mesh, shadings):
@@ -27,10 +27,12 @@ def read_parts(mesh, shadings):
     parts = []
     for slot, chosen in mesh_arrays.by_material(slots, slot_count):
         uvs = uvs_of[shadings[slot].uv_map, shadings[slot].uv_base]
-        arrays = mesh_arrays.build(positions, corner_vertices, triangles[chosen], normals, uvs)
+        colors = _colors(mesh, shadings[slot].colors, corner_vertices)
+        arrays = mesh_arrays.build(positions, corner_vertices, triangles[chosen], normals, uvs,
+                                   colors)
         if normals_source is not None:
             source = [positions, corner_vertices, triangles[chosen], *normals_source,
-                      *([] if uvs is None else [uvs])]
+                      *[found for found in (uvs, colors) if found is not None]]
             arrays.source = [numpy.array([array.size for array in source]), *source]
         parts.append((slot, arrays))
     return parts
@@ -67,6 +69,58 @@ def _uvs(mesh, name, base):
     if base == ((1.0, 0.0), (0.0, 1.0)):
         return found
     return (found @ numpy.array(base).T).astype(numpy.float32)
+
+
+_COMPONENTS = {"FLOAT": ("value", 1), "FLOAT_VECTOR": ("vector", 3), "FLOAT2": ("vector", 2),
+               "FLOAT_COLOR": ("color", 4), "BYTE_COLOR": ("color", 4)}
+
+
+def _colors(mesh, wanted, corner_vertices):
+    """(corners, 4) of an attribute of the mesh after operations on its colors, or None. wanted:
+    Shading.colors. Without such an attribute it is black, as in Cycles.
+    """
+    if wanted is None:
+        return None
+    name, operations = wanted
+    attribute = _attribute(mesh, name)
+    found = numpy.zeros((len(corner_vertices), 4), numpy.float32)
+    if attribute is None and name in mesh.uv_layers:  # No attribute before Blender 3.5.
+        found[:, 3] = 1
+        found[:, :2] = _uvs(mesh, name, ((1.0, 0.0), (0.0, 1.0)))
+    elif attribute is not None:
+        field, count = _COMPONENTS[attribute.data_type]
+        numbers = _read(attribute.data, field, count * len(attribute.data),
+                        numpy.float32).reshape(-1, count)
+        numbers = numbers[_elements(mesh, attribute.domain, corner_vertices)]
+        found[:, 3] = 1
+        found[:, :count] = numbers
+        if count == 1:
+            found[:, :3] = numbers
+    found[:, :3] = pixel_ops.run(found[:, :3].astype(numpy.float64), operations)
+    return found
+
+
+def _attribute(mesh, name):
+    """The attribute; "" is the color attribute that is active for rendering."""
+    if not name:
+        index = mesh.color_attributes.render_color_index
+        name = mesh.color_attributes[index].name if 0 <= index < len(
+            mesh.color_attributes) else ""
+    found = mesh.attributes.get(name) if name else None
+    if found is None or found.data_type not in _COMPONENTS or found.domain not in (
+            "POINT", "CORNER", "FACE"):
+        return None
+    return found
+
+
+def _elements(mesh, domain, corner_vertices):
+    """The index of each corner's element."""
+    if domain == "POINT":
+        return corner_vertices
+    if domain == "CORNER":
+        return slice(None)
+    return numpy.repeat(numpy.arange(len(mesh.polygons)),
+                        _read(mesh.polygons, "loop_total", len(mesh.polygons), numpy.int32))
 
 
 def _normals_source(mesh):

@@ -183,8 +183,9 @@ def write_deformed(motion, collector, content, report):
 
 def key_files(content, part, keys):
     """Files of a part at several times. keys: [(positions, normals or None)]."""
-    return [content.put(ply.ply_chunks(positions, part.arrays.triangles, normals, part.arrays.uvs),
-                        ".ply") for positions, normals in keys]
+    arrays = part.arrays
+    return [content.put(ply.ply_chunks(positions, arrays.triangles, normals, arrays.uvs,
+                                       arrays.colors), ".ply") for positions, normals in keys]
 
 
 def baked_files(content, part, matrices, deformed):
@@ -208,7 +209,8 @@ def baked_files(content, part, matrices, deformed):
         keys.append((placed.astype(numpy.float32), normals))
     triangles = arrays.triangles[:, ::-1] if flips else arrays.triangles
     return [content.put(ply.ply_chunks(positions, numpy.ascontiguousarray(triangles), normals,
-                                       arrays.uvs), ".ply") for positions, normals in keys]
+                                       arrays.uvs, arrays.colors), ".ply")
+            for positions, normals in keys]
 
 
 def note_lights(motion, collector, report):

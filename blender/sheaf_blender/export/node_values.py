@@ -279,6 +279,21 @@ class NodeValues:
         return units.blackbody_rgb(self.number(node_links.input_of(place, "Temperature"), 1500.0))
 
 
+def _vertex_color(reader, place, output):
+    """The value of a Color Attribute node."""
+    return values.attribute_of_vertices(place.node.layer_name,
+                                        "alpha" if output.name == "Alpha" else "")
+
+
+def _attribute(reader, place, output):
+    """The value of an Attribute node; None for those of objects and layers."""
+    node = place.node
+    if node.attribute_type != "GEOMETRY" or not node.attribute_name:
+        return None
+    channel = {"Fac": "mean", "Alpha": "alpha"}.get(output.name, "")
+    return values.attribute_of_vertices(node.attribute_name, channel)
+
+
 def _default(socket, usual):
     value = getattr(socket, "default_value", None)
     if value is None or isinstance(value, str):
@@ -297,6 +312,7 @@ _READERS = {
     "RGBTOBW": NodeValues.to_gray, "SEPARATE_COLOR": NodeValues.separate,
     "SEPRGB": NodeValues.separate, "COMBINE_COLOR": NodeValues.combine,
     "COMBRGB": NodeValues.combine, "MAP_RANGE": NodeValues.map_range, "CLAMP": NodeValues.clamp,
+    "VERTEX_COLOR": _vertex_color, "ATTRIBUTE": _attribute,
     "BLACKBODY": NodeValues.blackbody, "CURVE_RGB": NodeValues.rgb_curves,
     "LIGHT_PATH": lambda reader, place, output: reader.light_path(place, output),
 }

@@ -14,7 +14,7 @@ from ..scene import materials, ray_visibility
 from ..scene.content import ContentFolder
 from ..scene.report import Report
 from ..scene.text import SceneText
-from . import camera, inside_of, lights, motion, shaders, world
+from . import camera, clipping, inside_of, lights, motion, shaders, world
 from .collector import Collector
 from .images import Images
 from .light_groups import LightGroups
@@ -129,6 +129,10 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
                          exposure, report, groups)
     text.raw("WorldBegin")
     geometries = list(collector.geometries.values())
+    clips = {}
+    with report.guard(f'camera "{camera_object.name}"'):
+        clips = clipping.parameters(camera_object.data, states[0], geometries)
+        camera_parameters.update(clips)
     view_now = camera.views_of(states, kind)[0]
     for place in collector.lights:
         place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
@@ -152,12 +156,16 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     writer.write(geometries, moved)
     medium = writer.write_camera_medium(
         inside_of.media_at(geometries, states[0].matrix.translation), camera_object.name)
+    if "float farclip" in clips and (medium or collector.has_media()):
+        report.approximated(f'camera "{camera_object.name}"', "Clip End: volumes end there, too; "
+                            "those of Cycles continue behind it")
     options = SceneText(header)
     _write_options(options, settings, shutter)
     _write_camera(options, camera.views_of(states, kind), kind, camera_parameters, medium)
     return (states[0].window if kind == "perspective" else (),
             Sky(background, camera.camera_from_world(states[0].matrix).inverted_safe(),
-                states[0].window, kind), groups, collector.holdouts, text.has_ray_kinds)
+                states[0].window, kind), groups, collector.holdouts,
+            text.has_ray_kinds or bool(clips))
 
 
 def _write_sky(text, depsgraph, exposure, images, content, report, groups):

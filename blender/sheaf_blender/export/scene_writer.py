@@ -223,6 +223,8 @@ class SceneWriter:
         invisible = ray_visibility.parameter(geometry.hidden_from)
         for part, (material, medium) in zip(geometry.parts, names):
             parameters = {"string filename": part.file, **_name(object_name), **invisible}
+            if part.arrays is not None and part.arrays.colors is not None:
+                parameters["bool vertexcolors"] = True
             for i, file in enumerate(part.later_files):
                 parameters[f"string filename{i + 1}"] = file
             alpha = part.shading.closure.alpha

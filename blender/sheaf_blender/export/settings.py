@@ -6,7 +6,6 @@ scene/settings_table.py, and a few that depend on others.
 import math
 
 import bpy
-import numpy
 
 from ..scene import settings_table
 
@@ -44,7 +43,7 @@ def note_all(depsgraph, camera_object, collector, report):
         _note("CyclesWorldSettings", getattr(scene.world, "cycles", None), item, report)
         _note("CyclesVisibilitySettings", getattr(scene.world, "cycles_visibility", None), item,
               report)
-    _note_camera(camera_object, cycles, collector, report)
+    _note_camera(camera_object, report)
     for found in depsgraph.objects:
         _note_object(found, report)
 
@@ -93,7 +92,7 @@ def _note_object(found, report):
         report.left_out(item, "velocities: a volume stands still while the shutter is open")
 
 
-def _note_camera(camera_object, cycles, collector, report):
+def _note_camera(camera_object, report):
     camera = camera_object.data
     item = f'camera "{camera_object.name}"'
     _note("CameraDOFSettings", camera.dof, item, report)
@@ -101,49 +100,6 @@ def _note_camera(camera_object, cycles, collector, report):
         _note_panorama(camera if hasattr(camera, "panorama_type") else camera.cycles, item, report)
         if camera.stereo.use_spherical_stereo and bpy.context.scene.render.use_multiview:
             report.left_out(item, "Spherical Stereo: both eyes of a panorama are in one place")
-        return
-    near, far = _clipped(camera_object, collector)
-    if near:
-        report.left_out(item, f"Clip Start: what is nearer than {camera.clip_start:g} is visible, "
-                              f'as of "{near}"')
-    if far:
-        report.left_out(item, f"Clip End: what is farther than {camera.clip_end:g} is visible, as "
-                              f'of "{far}"')
-
-
-def _clipped(camera_object, collector):
-    """The names of objects of which Cycles' camera does not see what is near and far; empty for
-    none. Objects before Clip Start may lie beside the image.
-    """
-    camera, near, far = camera_object.data, "", ""
-    view = camera_object.matrix_world.inverted_safe()
-    for geometry in collector.geometries.values():
-        for matrix, name in zip(geometry.matrices, geometry.object_names):
-            if matrix is None:
-                continue
-            to_view = view @ matrix
-            reach = geometry.radius * max(abs(x) for x in to_view.to_scale())
-            depth = -to_view.translation.z
-            is_near = not near and depth - reach < camera.clip_start and depth + reach > 0
-            if is_near or not far and depth + reach > camera.clip_end:
-                first, last = _depths(geometry, to_view)
-                near = near or name * (is_near and first < camera.clip_start < last
-                                       and 0 < first)
-                far = far or name * (last > camera.clip_end)
-        if far and near:
-            break
-    return near, far
-
-
-def _depths(geometry, to_view):
-    """The least and greatest distance along the camera's axis of a geometry's vertices."""
-    row = numpy.array(to_view.row[2])
-    found = [(0.0, 0.0)]
-    for part in geometry.parts:
-        if part.arrays is not None:
-            depths = -(part.arrays.positions @ row[:3] + row[3])
-            found.append((float(depths.min()), float(depths.max())))
-    return (min(low for low, _ in found[1:] or found), max(high for _, high in found[1:] or found))
 
 
 def _note_panorama(camera, item, report):

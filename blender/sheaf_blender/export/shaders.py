@@ -35,6 +35,7 @@ class Shading:
     has_texture: bool = False  # Whether it uses the uv of the mesh.
     uv_map: str = ""           # Its name; empty: the one that is active for rendering.
     uv_base: tuple = ((1.0, 0.0), (0.0, 1.0))  # The uv of its meshes are multiplied with it.
+    colors: tuple | None = None  # The colors of vertices that it reads: values.color_of_vertices.
 
 
 PINK = Shading("cannot be read", Closure(materials.diffuse(closures.PINK)))
@@ -79,8 +80,26 @@ def _read_output(material, output, report, images, uv_base):
     if len(maps) > 1:
         report.approximated(item, f"{len(maps)} UV maps: the one that is active for rendering is "
                                   "used")
+    closure, colors = _with_colors(closure, item, report)
     return (Shading(material.name, closure, medium, has_surface, bool(maps),
-                    next(iter(maps)) if len(maps) == 1 else "", uv_base), reader.values.uv_turns)
+                    next(iter(maps)) if len(maps) == 1 else "", uv_base, colors),
+            reader.values.uv_turns)
+
+
+def _with_colors(closure, item, report):
+    """The closure with one color of vertices alone, and which that is; None for none."""
+    nodes = [node for node in values.nodes_of(closure) if values.color_of_vertices(node)]
+    if not nodes:
+        return closure, None
+    colors = values.color_of_vertices(nodes[0])
+    if any(values.color_of_vertices(node) != colors for node in nodes):
+        report.left_out(item, f'all attributes but "{colors[0] or "the active color"}": meshes '
+                              "have one color for each vertex; white is used")
+    if not all(map(values.is_exact_at_vertices, nodes)):
+        report.approximated(item, "nodes behind an attribute: they are computed at the vertices, "
+                                  "and mixed between them")
+    return values.with_nodes(closure, lambda node: node if values.color_of_vertices(node) in (
+        None, colors) else (1.0, 1.0, 1.0) if node.wants_color else 1.0), colors
 
 
 def read_world_volume(world, report, images):

@@ -33,11 +33,19 @@ class _Node:
         return tuple((parameter, self.number(socket, low, high, usual))
                      for parameter, socket, low, high, usual in (_SOCKETS[name] for name in names))
 
-    def value(self, name, parameters, reach=(0.0, 1.0), has_color=False, outputs=("Fac", "Factor")):
+    def value(self, name, parameters, reach=(0.0, 1.0), has_color=False, outputs=("Fac", "Factor"),
+              dimensions=3):
         """None for an output that has no counterpart."""
         if self.output != "Color" and self.output not in outputs:
             return None
-        found = texture_place(self.reader, node_links.input_of(self.place, "Vector"))
+        if dimensions == 1:
+            found, w = self._place_on_line()
+        else:
+            found, w = texture_place(self.reader, node_links.input_of(self.place, "Vector")), ()
+        if dimensions == 4:
+            w = (("w", self.number("W", -_MOST, _MOST, 0.0)),)
+        if dimensions != 3:
+            parameters = (("dimensions", float(dimensions)), *parameters, *w)
         if found is None:
             return None
         space, matrix = found
@@ -47,10 +55,27 @@ class _Node:
                                 reach, has_color and self.output == "Color")
 
 
+    def _place_on_line(self):
+        """((space, matrix), parameters) of the input W: a number, or a coordinate of a place, which
+        becomes the first one.
+        """
+        wanted = node_links.input_of(self.place, "W")
+        source, output, _ = node_links.source(wanted)
+        if source is None or source.node.type not in ("SEPXYZ", "SEPARATE_XYZ"):
+            return (("world", numpy.identity(4)), (("w", self.number("W", -_MOST, _MOST, 0.0)),))
+        found = texture_place(self.reader, node_links.input_of(source, "Vector"))
+        if found is None:
+            return None, ()
+        axis = "XYZ".index(output.name)
+        rows = [axis, (axis + 1) % 3, (axis + 2) % 3, 3]
+        return (found[0], found[1][rows]), (("w_from", "x"),)
+
+
 _MOST = 1e6
 _SOCKETS = {
     "scale": ("scale", "Scale", -_MOST, _MOST, 5.0), "detail": ("detail", "Detail", 0, 15, 2.0),
     "roughness": ("roughness", "Roughness", 0, _MOST, 0.5),
+    "voronoi_roughness": ("roughness", "Roughness", 0, 1, 0.5),
     "lacunarity": ("lacunarity", "Lacunarity", 1e-5, _MOST, 2.0),
     "distortion": ("distortion", "Distortion", -_MOST, _MOST, 0.0),
     "dimension": ("dimension", "Dimension", 1e-5, _MOST, 2.0),
@@ -66,7 +91,7 @@ _SOCKETS = {
     "bias": ("bias", "Bias", -1, 1, 0.0),
     "brick_width": ("brick_width", "Brick Width", 1e-5, _MOST, 0.5),
     "row_height": ("row_height", "Row Height", 1e-5, _MOST, 0.25)}
-_DIMENSIONS = {"2D": 2.0, "3D": 3.0}
+_DIMENSIONS = {"1D": 1, "2D": 2, "3D": 3, "4D": 4}
 
 
 def _noise(node):
@@ -77,8 +102,8 @@ def _noise(node):
     numbers = node.numbers("scale", "detail", "roughness", "lacunarity", "distortion")
     if node_links.input_of(node.place, "Lacunarity") is None:  # Until Blender 3.6.
         numbers = tuple((name, min(x, 1.0) if name == "roughness" else x) for name, x in numbers)
-    return node.value("noise", (("dimensions", dimensions), ("normalize", float(normalized)),
-                                *numbers), (0.0, 1.0) if normalized else _WIDE, True)
+    return node.value("noise", (("normalize", float(normalized)), *numbers),
+                      (0.0, 1.0) if normalized else _WIDE, True, dimensions=dimensions)
 
 
 _MUSGRAVE_TYPES = {"FBM": "fbm", "MULTIFRACTAL": "multifractal", "HYBRID_MULTIFRACTAL": "hybrid",
@@ -86,11 +111,10 @@ _MUSGRAVE_TYPES = {"FBM": "fbm", "MULTIFRACTAL": "multifractal", "HYBRID_MULTIFR
 
 
 def _musgrave(node):
-    if node.node.musgrave_dimensions != "3D":
-        return None
     numbers = node.numbers("scale", "detail", "dimension", "lacunarity", "offset", "gain")
     return node.value("musgrave", (("type", _MUSGRAVE_TYPES[node.node.musgrave_type]), *numbers),
-                      _WIDE, outputs=("Fac", "Height"))
+                      _WIDE, outputs=("Fac", "Height"),
+                      dimensions=_DIMENSIONS[node.node.musgrave_dimensions])
 
 
 _FEATURES = {"F1": "f1", "F2": "f2", "SMOOTH_F1": "smooth_f1",
@@ -100,14 +124,18 @@ _FEATURES = {"F1": "f1", "F2": "f2", "SMOOTH_F1": "smooth_f1",
 def _voronoi(node):
     dimensions = _DIMENSIONS.get(node.node.voronoi_dimensions)
     feature = _FEATURES.get(node.node.feature)
-    if dimensions is None or feature is None or getattr(node.node, "normalize", False):
+    if dimensions is None or feature is None:
         return None
-    if node_links.input_of(node.place, "Detail") and node.number("Detail", 0, 15, 0.0) > 0:
-        node.reader.note("Detail of a Voronoi Texture: its first octave is used")
+    normalized = getattr(node.node, "normalize", False)  # Since Blender 4.0.
     numbers = node.numbers("scale", "smoothness", "exponent", "randomness")
-    return node.value("voronoi", (("dimensions", dimensions), ("feature", feature),
-                                  ("metric", node.node.distance.lower()), *numbers),
-                      (0.0, 2.0), True, ("Distance",))
+    if node_links.input_of(node.place, "Detail") is not None:
+        numbers += (*node.numbers("detail", "voronoi_roughness", "lacunarity"),
+                    ("normalize", float(normalized)))
+        if dict(numbers)["detail"] == 0:
+            numbers = (*numbers[:4], ("detail", 0.0), ("normalize", float(normalized)))
+    return node.value("voronoi", (("feature", feature), ("metric", node.node.distance.lower()),
+                                  *numbers),
+                      (0.0, 1.0 if normalized else 2.0), True, ("Distance",), dimensions)
 
 
 def _wave(node):
@@ -155,13 +183,13 @@ def _gradient(node):
 
 
 def _white_noise(node):
-    dimensions = _DIMENSIONS.get(node.node.noise_dimensions)
+    dimensions = _DIMENSIONS[node.node.noise_dimensions]
     # Without a link its place is a point, not Generated coordinates.
-    linked, _, _ = node_links.source(node_links.input_of(node.place, "Vector"))
-    if dimensions is None or linked is None:
+    linked, _, _ = node_links.source(node_links.input_of(node.place, "Vector")) if (
+        dimensions > 1) else (node.place, None, None)
+    if linked is None:
         return None
-    return node.value("white_noise", (("dimensions", dimensions),), has_color=True,
-                      outputs=("Value",))
+    return node.value("white_noise", (), has_color=True, outputs=("Value",), dimensions=dimensions)
 
 
 _NODES = {"TEX_NOISE": _noise, "TEX_MUSGRAVE": _musgrave, "TEX_VORONOI": _voronoi,

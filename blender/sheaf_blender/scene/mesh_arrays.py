@@ -19,17 +19,18 @@ class MeshArrays:
     corners: numpy.ndarray             # (n,) int32
     # Arrays that determine the above except for the last bits of the normals; None: they do not.
     source: list | None = None
+    colors: numpy.ndarray | None = None  # (n, 4) float32, linear.
 
 
-def weld(corner_vertices, normals=None, uvs=None):
-    """Corners that agree in vertex, normal and uv become one.
+def weld(corner_vertices, normals=None, uvs=None, colors=None):
+    """Corners that agree in vertex, normal, uv and color become one.
 
     Returns (corner of each new vertex, new vertex of each corner). Corners are compared by a hash
     of 64 bits, and then bit by bit: if a hash stands for two, no corner is joined.
     """
     columns = [numpy.ascontiguousarray(corner_vertices, numpy.int32).view(numpy.uint32)[:, None]]
     columns += [numpy.ascontiguousarray(values + numpy.float32(0)).view(numpy.uint32)
-                for values in (normals, uvs) if values is not None]
+                for values in (normals, uvs, colors) if values is not None]
     hashes = numpy.zeros(len(corner_vertices), numpy.uint64)
     for column in columns:
         for i in range(column.shape[1]):
@@ -43,9 +44,9 @@ def weld(corner_vertices, normals=None, uvs=None):
     return every, every
 
 
-def build(positions, corner_vertices, triangles, normals=None, uvs=None):
-    """MeshArrays of all triangles. triangles: (m, 3) corners; normals and uvs: of corners."""
-    if normals is None and uvs is None:
+def build(positions, corner_vertices, triangles, normals=None, uvs=None, colors=None):
+    """MeshArrays of all triangles. triangles: (m, 3) corners; normals, uvs, colors: of corners."""
+    if normals is None and uvs is None and colors is None:
         # Positions alone: Blender's vertices, of which each is some corner.
         triangles = corner_vertices[triangles]
         used, triangles = _compact(triangles, len(positions))
@@ -56,10 +57,12 @@ def build(positions, corner_vertices, triangles, normals=None, uvs=None):
     vertices = corner_vertices[used]
     normals = None if normals is None else normals[used]
     uvs = None if uvs is None else uvs[used]
-    first, inverse = weld(vertices, normals, uvs)
+    colors = None if colors is None else colors[used]
+    first, inverse = weld(vertices, normals, uvs, colors)
     return MeshArrays(positions[vertices[first]], inverse[triangles],
                       None if normals is None else normals[first],
-                      None if uvs is None else uvs[first], used[first])
+                      None if uvs is None else uvs[first], used[first],
+                      colors=None if colors is None else colors[first])
 
 
 def _compact(triangles, count):

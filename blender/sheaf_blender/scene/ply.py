@@ -6,8 +6,10 @@ import numpy
 _FACE = numpy.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
-def ply_chunks(positions, triangles, normals=None, uvs=None):
-    """The file's bytes as a list of buffers: x y z, nx ny nz, u v and vertex_indices."""
+def ply_chunks(positions, triangles, normals=None, uvs=None, colors=None):
+    """The file's bytes as a list of buffers: x y z, nx ny nz, u v, red green blue alpha, and
+    vertex_indices.
+    """
     columns = [positions]
     names = ["x", "y", "z"]
     if normals is not None:
@@ -16,6 +18,9 @@ def ply_chunks(positions, triangles, normals=None, uvs=None):
     if uvs is not None:
         columns.append(uvs)
         names += ["u", "v"]
+    if colors is not None:
+        columns.append(colors)
+        names += ["red", "green", "blue", "alpha"]
     vertices = numpy.concatenate(columns, axis=1, dtype="<f4", casting="same_kind")
     if not numpy.isfinite(vertices).all():
         raise ValueError("the mesh has coordinates that are not finite numbers; correct it in "

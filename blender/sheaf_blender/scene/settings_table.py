@@ -149,10 +149,8 @@ TABLE = {
         own("shape subdivisions", "hair has round strands"),
     ),
     "Camera": (
-        handled("type lens sensor_fit sensor_width sensor_height shift_x shift_y ortho_scale dof "
-                "angle angle_x angle_y lens_unit stereo"),
-        reported("clip_start", ELSEWHERE, "Clip Start: nearer objects are visible"),
-        reported("clip_end", ELSEWHERE, "Clip End: objects beyond it are visible"),
+        handled("type clip_start clip_end lens sensor_fit sensor_width sensor_height shift_x "
+                "shift_y ortho_scale dof angle angle_x angle_y lens_unit stereo"),
         reported("panorama_type fisheye_fov fisheye_lens latitude_min latitude_max longitude_min "
                  "longitude_max fisheye_polynomial_k0 fisheye_polynomial_k1 "
                  "fisheye_polynomial_k2 fisheye_polynomial_k3 fisheye_polynomial_k4 "

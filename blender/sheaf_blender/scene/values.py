@@ -13,6 +13,7 @@ import numpy
 from . import pixel_ops
 
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
+_IDENTITY = tuple(float(i % 5 == 0) for i in range(16))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,9 +57,28 @@ class NodeValue:
     wants_color: bool = False    # Whether its color counts, not its factor.
     operations: tuple = ()       # ((name, arguments), ...) of pixel_ops on the factor.
     is_simplified: bool = False  # Whether its color was replaced by its factor.
+    # The name of an ATTRIBUTE, a color of vertices, and the operations on it before the channel
+    # of the parameters is taken.
+    attribute: str = ""
+    at_vertices: tuple = ()
 
 
 RAMP_STOPS = 513
+ATTRIBUTE = "attribute"
+_CHANNELS = ("red", "green", "blue")
+# Operations that agree with mixing between vertices.
+_LINEAR = {"multiply"}
+
+
+def attribute_of_vertices(name, channel=""):
+    """A NodeValue: a color, or one of its channels: "mean", "alpha" ..."""
+    return NodeValue(ATTRIBUTE, (("channel", channel or "luminance"),), "uv", _IDENTITY,
+                     wants_color=not channel, attribute=name)
+
+
+def color_of_vertices(node):
+    """(attribute, operations) that a NodeValue of an attribute reads; None for others."""
+    return (node.attribute, node.at_vertices) if node.node == ATTRIBUTE else None
 
 
 def node_ramp(value):
@@ -145,6 +165,8 @@ def apply(value, name, *arguments):
         return result[0] if is_number and len(set(result)) == 1 else result
     if isinstance(value, ImageValue):
         return dataclasses.replace(value, operations=value.operations + ((name, arguments),))
+    if isinstance(value, NodeValue) and value.node == ATTRIBUTE and value.wants_color:
+        return _apply_at_vertices(value, name, arguments)
     if isinstance(value, NodeValue):
         return dataclasses.replace(value, operations=value.operations + ((name, arguments),),
                                    wants_color=False,
@@ -155,6 +177,21 @@ def apply(value, name, *arguments):
         return ScaleValue(apply(value.value, name, *arguments), apply(value.factor, "clamp", 0, 1))
     return dataclasses.replace(value, first=apply(value.first, name, *arguments),
                                second=apply(value.second, name, *arguments))
+
+
+def _apply_at_vertices(value, name, arguments):
+    if name in pixel_ops.GRAY:
+        channel = "luminance" if name == "gray" else _CHANNELS[arguments[0]]
+        return dataclasses.replace(value, parameters=(("channel", channel),), wants_color=False)
+    if name == "ramp":  # It begins with the luminance.
+        return apply(apply(value, "gray"), name, *arguments)
+    return dataclasses.replace(value, at_vertices=value.at_vertices + ((name, arguments),))
+
+
+def is_exact_at_vertices(node):
+    """Whether colors that are computed at the vertices are so between them."""
+    return all(name in _LINEAR or name == "mix" and arguments[0] in ("MIX", "MULTIPLY", "ADD")
+               for name, arguments in node.at_vertices)
 
 
 # Operations whose results lie within 0 and 1.

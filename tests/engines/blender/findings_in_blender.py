@@ -16,9 +16,11 @@ import numpy
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import in_blender
 import scenes
+import scenes_colors
 import scenes_findings
 import scenes_layers
 import scenes_meaning
+import scenes_patterns
 import scenes_rays
 from sheaf_blender import engine, operators
 from sheaf_blender.export.eyes import stereo_options
@@ -43,6 +45,7 @@ class Case:
         self.texts = [open(one.path, encoding="utf-8").read() for one in exported]
         self.text = self.texts[0]
         self.lines = exported[0].report.lines()
+        self.exported = exported[0]
 
     def says(self, pattern):
         check(any(re.search(pattern, line) for line in self.lines),
@@ -387,8 +390,9 @@ def test_lamps_that_the_camera_does_not_see_are_shapes_that_block_nothing():
 
 
 def test_some_lamps_with_a_size_are_points():
+    spot = "goniometric" if bpy.app.version < (4, 0) else "spot"
     for make, kind, count in ((scenes_meaning.area_spread, "goniometric", 128),
-                              (scenes_meaning.spot_soft, "goniometric", 64),
+                              (scenes_meaning.spot_soft, spot, 64),
                               (scenes_meaning.lamp_around_all, "point", 64)):
         case = Case(make)
         case.has(f'LightSource "{kind}"', count)
@@ -426,7 +430,6 @@ def settings_of_others(b):
     lamp.data.cycles.max_bounces = 2
     ball.is_holdout = True
     ball.cycles.shadow_terminator_offset = 0.2
-    b.scene.camera.data.clip_end = 8.0
     b.scene.camera.data.dof.use_dof = True
     b.scene.camera.data.dof.aperture_ratio = 2.0
     b.scene.cycles.use_fast_gi = True
@@ -444,7 +447,7 @@ def test_settings_without_counterpart_are_reported():
     case = Case(settings_of_others)
     for line in ("its negative power", "64 points", "Max Bounces of a light",
                  "Holdout: it is visible; F12 cuts",
-                 "Shading Offset", "Clip End", "Ratio of the aperture", "Fast GI",
+                 "Shading Offset", "Ratio of the aperture", "Fast GI",
                  "Refractive Caustics", "Transparent Glass",
                  "the pass Diffuse Color", "Shader AOVs"):
         case.says(line)
@@ -490,15 +493,75 @@ def test_volumes_that_meet_are_reported_where_one_of_them_counts():
         '"Fog 0.5": its volume and that of "Fog 0.9" meet in the world')
 
 
-def test_clip_end_is_reported_where_it_cuts():
-    Case(scenes_layers.clipped).says('Clip End: what is farther than 8 is visible, as of "Plane"')
-    Case(scenes_layers.unclipped).is_silent()
+def test_clip_planes_are_written_where_they_cut():
+    case = Case(scenes_layers.clipped)
+    case.is_silent_on("Clip")
+    case.has('^Camera .*"float farclip" 8', 1)
+    check(case.exported.has_ray_kinds, "paths begin at the camera alone")
+    case = Case(scenes_layers.clipped_near)
+    case.has('^Camera .*"float nearclip" 4', 1)
+    for make in (scenes_layers.unclipped, scenes_layers.floor_under_camera):
+        case = Case(make)
+        case.is_silent()
+        check("clip" not in case.text, "nothing is cut")
+    Case(scenes_layers.clipped_fog).says("Clip End: volumes end there, too")
 
 
 def test_limits_and_normals_that_darken_cycles_are_reported():
     Case(scenes_layers.shells).says("Cycles lets light pass 8 transparent surfaces")
     Case(scenes_layers.closed_room).is_silent()
     Case(scenes_layers.bent_normals).says("smooth normals are tilted by 5. degrees")
+
+
+def test_attributes_are_colors_of_vertices():
+    case = Case(scenes_colors.colors_of_vertices)
+    case.is_silent()
+    case.has('"bool vertexcolors" true', 9)
+    case.has('"string node" "attribute"', 8)
+    case = Case(scenes_colors.colors_by_nodes)
+    case.is_silent()
+    case.has('"string channel" "green"', 1)
+    Case(scenes_colors.colors_turned).says("computed at the vertices")
+    Case(scenes_colors.colors_of_two).says('all attributes but "Bytes"')
+    check("vertexcolors" not in Case(scenes_findings.rounded_parents).text, "others have none")
+
+
+def test_noise_of_one_and_four_dimensions():
+    case = Case(scenes_patterns.patterns_line)
+    case.is_silent()
+    lines = scenes_patterns.known(scenes_patterns.LINES)
+    case.has('"float dimensions" 1', sum("1D" in node[1].values() for node in lines))
+    case.has('"string w_from" "x"', sum(node[4] in ("X", "Y") for node in lines))
+
+
+def test_submit_frames_asks_the_farm_before_it_exports():
+    from sheaf_blender import operators
+    scenes_layers.unclipped(scenes.Builder(FOLDER))
+    bpy.ops.preferences.addon_enable(module="sheaf_blender")
+    sheaf = os.path.join(FOLDER, "sheaf")
+    with open(sheaf, "w", encoding="utf-8") as file:
+        file.write('#!/bin/sh\necho "$1" >> "$0.calls"\n'
+                   'echo \'{"severity": "error", "message": "no coordinator answers"}\' >&2\n'
+                   'exit 1\n')
+    os.chmod(sheaf, 0o755)
+    exported, export = [], operators.export_frames
+    operators.export_frames = lambda *arguments: exported.append(arguments)
+    try:
+        bpy.ops.sheaf.submit_frames()
+    except RuntimeError as error:
+        check("no coordinator answers" in str(error), f"it says why: {error}")
+    finally:
+        operators.export_frames = export
+        os.unlink(sheaf)
+    with open(sheaf + ".calls", encoding="utf-8") as file:
+        check(file.read() == "list\n" and not exported, "nothing is exported")
+
+
+def test_techniques_have_names_and_descriptions():
+    items = bpy.context.scene.sheaf.bl_rna.properties["techniques"].enum_items
+    check(len(items) == len({item.name for item in items}), "names differ")
+    for item in items:
+        check("+" not in item.name and len(item.description) > 20, item.identifier)
 
 
 def main():

@@ -17,6 +17,7 @@ import scenes_findings
 import scenes_layers
 import scenes_meaning
 import scenes_more
+import scenes_colors
 import scenes_patterns
 import scenes_rays
 
@@ -29,7 +30,8 @@ def build(name, folder):
         random_scenes.handled(int(name[7:]))(builder)
         return builder.scene
     module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning,
-                                    scenes_layers, scenes_patterns, scenes_rays)
+                                    scenes_colors, scenes_layers, scenes_patterns,
+                                    scenes_rays)
                   if hasattr(module, name))
     getattr(module, name)(builder)
     return builder.scene

@@ -44,14 +44,14 @@ FINDINGS = (
     "grouped", "negative_lamps", "negative_in_group", "held_out", "dark_shine",
     "invisible_ones",
     "image_turned", "image_turned_back", "volumes_in_fog", "volumes_that_meet", "closed_room",
-    "shells", "unclipped",
+    "shells", "unclipped", "clipped", "clipped_near", "clipped_orthographic", "clipped_glass",
     "shutter_curve", "lamps_in_view", "lamp_around_all", "sun_in_view", "area_spread",
     "spot_soft",
     "rays_camera", "rays_shadow", "rays_diffuse", "rays_glossy", "rays_transmission", "rays_volume",
     "rays_indirect_only", "rays_world", "rays_principled", "lamps_in_mirror", "lamps_by_rays",
     "hidden_by_maker")
 PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",
-            "patterns_ramp")
+            "patterns_ramp", "patterns_line", "colors_of_vertices", "colors_by_nodes")
 RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # From random_scenes.HandledScene.
 MEAN_DIFFERENCE_MAX = 0.03  # Fraction of each channel's mean.
 EXPORT_SECONDS_MAX = 10.0

@@ -192,6 +192,52 @@ def clipped(b):
     b.scene.camera.data.clip_end = 8.0
 
 
+def clipped_near(b):
+    """The camera is in a box, whose walls and floor before Clip Start it does not see."""
+    room(b)
+    b.cube("Box", Matrix.Translation(b.scene.camera.location) @ Matrix.Diagonal((2, 2, 2, 1)),
+           b.diffuse("Wall", (0.8, 0.2, 0.1)))
+    b.scene.camera.data.clip_start = 4.0
+
+
+def floor_under_camera(b):
+    """A floor that begins behind the camera, and does not reach into its view before Clip Start."""
+    room(b)
+    floor = b.plane(40, b.diffuse("Low", (0.2, 0.3, 0.2)))
+    floor.location = b.scene.camera.location
+    floor.location.z -= 1.5
+    b.scene.camera.data.clip_start = 0.5
+    b.scene.camera.data.clip_end = 100.0
+
+
+def clipped_fog(b):
+    clipped(b)
+    material, nodes, links, output = b.empty_material("Fog")
+    volume = nodes.new("ShaderNodeVolumeScatter")
+    volume.inputs["Density"].default_value = 0.05
+    links.new(volume.outputs[0], output.inputs["Volume"])
+    b.cube("Fog", Matrix.Diagonal((6, 6, 6, 1)), material)
+
+
+def clipped_orthographic(b):
+    clipped(b)
+    data = b.scene.camera.data
+    data.type, data.ortho_scale, data.clip_start, data.clip_end = "ORTHO", 8.0, 5.0, 9.0
+
+
+def clipped_glass(b):
+    """Ground behind a transparent sheet, which does not lengthen the ray."""
+    clipped(b)
+    material, nodes, links, output = b.empty_material("Sheet")
+    mix = nodes.new("ShaderNodeMixShader")
+    links.new(nodes.new("ShaderNodeBsdfTransparent").outputs[0], mix.inputs[1])
+    links.new(nodes.new("ShaderNodeBsdfDiffuse").outputs[0], mix.inputs[2])
+    links.new(mix.outputs[0], output.inputs["Surface"])
+    sheet = b.plane(4, material)
+    sheet.rotation_euler = b.scene.camera.rotation_euler
+    sheet.location = b.scene.camera.matrix_world @ mathutils.Vector((0, 0, -3))
+
+
 def unclipped(b):
     room(b)
     b.scene.camera.data.clip_end = 30.0

@@ -3,6 +3,8 @@
 """Scenes of texture nodes: one node on each tile of a wall, in several coordinates."""
 import math
 
+import bpy
+
 # Type of node, its attributes, its inputs, the output that is seen.
 NODES = (
     ("Noise", {}, {}, "Fac"),
@@ -30,8 +32,54 @@ NODES = (
     ("Musgrave", {"musgrave_type": "MULTIFRACTAL"}, {"Dimension": 1}, "Fac"),
     ("Musgrave", {"musgrave_type": "HYBRID_MULTIFRACTAL"}, {"Offset": 0.3}, "Fac"),
     ("Musgrave", {"musgrave_type": "HETERO_TERRAIN"}, {"Offset": 0.2, "Detail": 3.5}, "Fac"),
-    ("WhiteNoise", {}, {}, "Color"))
+    ("WhiteNoise", {}, {}, "Color"),
+    ("Noise", {"noise_dimensions": "4D"}, {"W": 0.7, "Detail": 3.5, "Distortion": 0.5}, "Color"),
+    ("Musgrave", {"musgrave_dimensions": "4D"}, {"W": 0.4, "Detail": 3}, "Fac"),
+    ("Musgrave", {"musgrave_dimensions": "2D", "musgrave_type": "RIDGED_MULTIFRACTAL"},
+     {"Offset": 0.9}, "Fac"),
+    ("Voronoi", {"voronoi_dimensions": "4D"}, {"W": 0.3}, "Color"),
+    ("Voronoi", {"voronoi_dimensions": "4D", "feature": "SMOOTH_F1"}, {"W": -1.6}, "Distance"),
+    ("Voronoi", {"voronoi_dimensions": "4D", "feature": "DISTANCE_TO_EDGE"}, {"W": 2.2},
+     "Distance"))
+# Nodes of one dimension: W is a number, or the coordinate that is named last.
+LINES = (
+    ("Noise", {"noise_dimensions": "1D"}, {"W": 0.33}, "Color", ""),
+    ("Noise", {"noise_dimensions": "1D"}, {"Detail": 4.5, "Distortion": 1}, "Color", "X"),
+    ("Noise", {"noise_dimensions": "1D"}, {"Scale": 3}, "Fac", "Y"),
+    ("Musgrave", {"musgrave_dimensions": "1D"}, {"Detail": 3}, "Fac", "Y"),
+    ("Musgrave", {"musgrave_dimensions": "1D", "musgrave_type": "HETERO_TERRAIN"},
+     {"Offset": 0.2}, "Fac", "X"),
+    ("Voronoi", {"voronoi_dimensions": "1D"}, {}, "Color", "X"),
+    ("Voronoi", {"voronoi_dimensions": "1D"}, {"Randomness": 0.8}, "Distance", "Y"),
+    ("Voronoi", {"voronoi_dimensions": "1D", "feature": "F2"}, {}, "Distance", "X"),
+    ("Voronoi", {"voronoi_dimensions": "1D", "feature": "SMOOTH_F1"}, {}, "Color", "X"),
+    ("Voronoi", {"voronoi_dimensions": "1D", "feature": "DISTANCE_TO_EDGE"}, {}, "Distance", "X"),
+    ("WhiteNoise", {"noise_dimensions": "1D"}, {"W": 0.7}, "Color", ""),
+    ("WhiteNoise", {"noise_dimensions": "4D"}, {"W": 0.7}, "Color", "place"))
+# Nodes of Blender 4.0 and later.
+OCTAVES = (
+    ("Voronoi", {}, {"Detail": 2}, "Distance"),
+    ("Voronoi", {"normalize": True}, {"Detail": 2.5, "Roughness": 0.7}, "Distance"),
+    ("Voronoi", {"feature": "F2", "distance": "MANHATTAN", "normalize": True}, {"Detail": 1.3},
+     "Color"),
+    ("Voronoi", {"feature": "F2", "normalize": True}, {"Detail": 1, "Randomness": 0.6},
+     "Distance"),
+    ("Voronoi", {"feature": "SMOOTH_F1"}, {"Detail": 3, "Lacunarity": 1.7}, "Color"),
+    ("Voronoi", {"feature": "DISTANCE_TO_EDGE"}, {"Detail": 2.5, "Roughness": 0.8}, "Distance"),
+    ("Voronoi", {"feature": "DISTANCE_TO_EDGE", "normalize": True}, {"Detail": 1.5}, "Distance"),
+    ("Voronoi", {"voronoi_dimensions": "2D", "distance": "CHEBYCHEV", "normalize": True},
+     {"Detail": 1.5}, "Distance"),
+    ("Voronoi", {"voronoi_dimensions": "4D", "normalize": True}, {"Detail": 1, "W": 0.6},
+     "Distance"),
+    ("Voronoi", {"normalize": True}, {}, "Distance"),
+    ("Noise", {"normalize": False}, {"Detail": 3, "Lacunarity": 2.5}, "Fac"),
+    ("Noise", {"noise_dimensions": "4D"}, {"W": 0.7, "Roughness": 0.9}, "Color"))
 COLUMNS = 6
+
+
+def known(nodes):
+    """Those that this Blender has: it had Musgrave until 4.0."""
+    return [node for node in nodes if hasattr(bpy.types, f"ShaderNodeTex{node[0]}")]
 
 
 def node_of(b, nodes, kind, attributes, inputs):
@@ -42,14 +90,18 @@ def node_of(b, nodes, kind, attributes, inputs):
     return node
 
 
-def painted(b, name, index, coordinates, behind=None):
+def painted(b, name, node, coordinates, behind=None):
     """A diffuse material of the node. coordinates: (node tree's nodes, links) -> output or None."""
-    kind, attributes, inputs, output = NODES[index]
+    kind, attributes, inputs, output, *along = node
     material, nodes, links, surface = b.empty_material(name)
     texture, shader = node_of(b, nodes, kind, attributes, inputs), nodes.new(
         "ShaderNodeBsdfDiffuse")
     place = coordinates(nodes, links)
-    if place is not None:
+    if along and along[0] in ("X", "Y"):
+        separate = nodes.new("ShaderNodeSeparateXYZ")
+        links.new(place, separate.inputs[0])
+        links.new(separate.outputs[along[0]], texture.inputs["W"])
+    elif place is not None and along != [""]:
         links.new(place, texture.inputs["Vector"])
     color = texture.outputs[output]
     if behind is not None:
@@ -59,13 +111,14 @@ def painted(b, name, index, coordinates, behind=None):
     return material
 
 
-def wall(b, coordinates, behind=None):
+def wall(b, coordinates, behind=None, nodes=NODES):
     """All nodes, on tiles that face the camera."""
-    rows = math.ceil(len(NODES) / COLUMNS)
+    nodes = known(nodes)
+    rows = math.ceil(len(nodes) / COLUMNS)
     b.camera((0, -14, 0), (0, 0, 0), 50)
     b.background(1.0)
-    for i in range(len(NODES)):
-        tile = b.plane(1.9, painted(b, f"Node {i}", i, coordinates, behind))
+    for i, node in enumerate(nodes):
+        tile = b.plane(1.9, painted(b, f"Node {i}", node, coordinates, behind))
         tile.name = f"Tile {i}"
         tile.location = (2.1 * (i % COLUMNS - (COLUMNS - 1) / 2), 0,
                          2.1 * ((rows - 1) / 2 - i // COLUMNS))
@@ -108,12 +161,22 @@ def patterns_position(b):
     wall(b, mapped("ShaderNodeNewGeometry", "Position", (0.2, 0, 0)))
 
 
+def patterns_line(b):
+    wall(b, mapped("ShaderNodeTexCoord", "Object", (0, 0, 0.6)), nodes=LINES)
+
+
+def patterns_octaves(b):
+    wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)), nodes=OCTAVES)
+
+
 def patterns_ramp(b):
     """Without nodes whose Color is not gray: a ramp takes its luminance, Sheaf the factor."""
-    for i, (kind, _, _, output) in enumerate(NODES):
+    nodes = known(NODES)
+    for i, (kind, _, _, output) in enumerate(nodes):
         if output == "Color" and kind not in ("Wave", "Gradient"):
             continue
-        tile = b.plane(1.9, painted(b, f"Node {i}", i, lambda nodes, links: None, ramp))
+        tile = b.plane(1.9, painted(b, f"Node {i}", nodes[i], lambda nodes, links: None,
+                                    ramp))
         tile.name = f"Tile {i}"
         tile.location = (2.1 * (i % COLUMNS - (COLUMNS - 1) / 2), 0, 2.1 * (1.5 - i // COLUMNS))
         tile.rotation_euler = (math.pi / 2, 0, 0)
