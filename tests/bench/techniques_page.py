@@ -41,7 +41,6 @@ REFERENCE_FACTOR = 16
 # Scenes for one technique each: it is compared with the ones that find the same light otherwise.
 # The first is the baseline, the last makes the reference.
 SPECIAL = {
-    "lamps": ("camera", "camera+learned-lights", "camera+product"),
     "pool-from-above": ("camera", "camera+light", "camera+light+merging"),
     "shop-window": ("camera", "camera+light", "camera+light+merging", "camera+chains"),
 }
@@ -50,7 +49,6 @@ PICTURES = {
     "caustic": REFERENCE_TECHNIQUES,
     "ajar": REFERENCE_TECHNIQUES,
     "frosted": REFERENCE_TECHNIQUES,
-    "lamps": "camera+product",
     "pool-from-above": "camera+light+merging",
     "shop-window": "camera+chains",
 }
