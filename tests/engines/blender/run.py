@@ -51,7 +51,8 @@ FINDINGS = (
     "rays_indirect_only", "rays_world", "rays_principled", "lamps_in_mirror", "lamps_by_rays",
     "hidden_by_maker")
 PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",
-            "patterns_ramp", "patterns_line", "colors_of_vertices", "colors_by_nodes")
+            "patterns_ramp", "patterns_line", "patterns_four", "colors_of_vertices",
+            "colors_by_nodes")
 RANDOM = tuple(f"handled{seed}" for seed in range(1, 101))  # From random_scenes.HandledScene.
 MEAN_DIFFERENCE_MAX = 0.03  # Fraction of each channel's mean.
 EXPORT_SECONDS_MAX = 10.0

@@ -32,7 +32,9 @@ NODES = (
     ("Musgrave", {"musgrave_type": "MULTIFRACTAL"}, {"Dimension": 1}, "Fac"),
     ("Musgrave", {"musgrave_type": "HYBRID_MULTIFRACTAL"}, {"Offset": 0.3}, "Fac"),
     ("Musgrave", {"musgrave_type": "HETERO_TERRAIN"}, {"Offset": 0.2, "Detail": 3.5}, "Fac"),
-    ("WhiteNoise", {}, {}, "Color"),
+    ("WhiteNoise", {}, {}, "Color"))
+# Nodes of four dimensions, and Musgrave of two.
+FOUR = (
     ("Noise", {"noise_dimensions": "4D"}, {"W": 0.7, "Detail": 3.5, "Distortion": 0.5}, "Color"),
     ("Musgrave", {"musgrave_dimensions": "4D"}, {"W": 0.4, "Detail": 3}, "Fac"),
     ("Musgrave", {"musgrave_dimensions": "2D", "musgrave_type": "RIDGED_MULTIFRACTAL"},
@@ -163,6 +165,10 @@ def patterns_position(b):
 
 def patterns_line(b):
     wall(b, mapped("ShaderNodeTexCoord", "Object", (0, 0, 0.6)), nodes=LINES)
+
+
+def patterns_four(b):
+    wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)), nodes=FOUR)
 
 
 def patterns_octaves(b):
