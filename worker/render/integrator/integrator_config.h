@@ -71,7 +71,7 @@ struct IntegratorConfig {
   // paths count them in weights.
   static constexpr bool kSplitsLights = !kFromLight && kUsesFields && Has(Trait::kLightSplits);
   static constexpr bool kCountsSplits = kFromLight && Has(Trait::kLightSplits);
-  // Rays are of kinds that do not see everything: visibility.h. Paths from lights do not know
+  // Rays are of kinds that do not see everything: ray_sight.h. Paths from lights do not know
   // their kinds, and those that pixels or eyes share have several.
   static constexpr bool kRayKinds = kPathKind == PathKind::kCamera && Has(Trait::kRayVisibility);
   static constexpr bool kNormalMaps = Has(Trait::kNormalMaps);
