@@ -73,6 +73,11 @@ class CertificatePlanes {
   // Takes or replaces the pixels of a tile. Requires: it lies in the window.
   void TakeTile(const FilmTile& sums);
 
+  // 0 before the first tile.
+  uint64_t memory_bytes() const {
+    return pixels_.capacity() * sizeof(pixels_[0]) + samples_.capacity() * sizeof(samples_[0]);
+  }
+
   struct Result {
     // Upper bound of the expected relMSE; 0 if there is none.
     double relative_mse_upper = 0;

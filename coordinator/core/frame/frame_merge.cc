@@ -57,6 +57,7 @@ FrameMerge::FrameMerge(const FrameSpec& spec, CellGrid grid, std::vector<uint64_
 
 FrameMerge::~FrameMerge() {
   for (Tile& tile : tiles_) SetSize(&tile, 0);
+  budget_->Change(certificate_bytes_, 0);
 }
 
 void FrameMerge::SetSize(Tile* tile, uint64_t size_bytes) {
@@ -83,7 +84,7 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   Combine(index);
   std::optional<ErrorSample>& error_sample = LayerOf(index).error_sample;
   if (error_sample) error_sample->DevelopTile(root, image_.color);
-  if (certificate_) certificate_->TakeTile(root);
+  if (certificate_) TakeCertificate(root);
   signed_weights_ = signed_weights_ || HasSignedWeights(root);
   NoteNames(root, &image_);
   SetIntervals(index, root);
@@ -94,6 +95,13 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   changed_.erase(index);
   developed_since_refresh_.insert(index);
   ++developed_count_;
+}
+
+void FrameMerge::TakeCertificate(const FilmTile& root) {
+  certificate_->TakeTile(root);
+  const uint64_t bytes = certificate_->memory_bytes();
+  budget_->Change(certificate_bytes_, bytes);
+  certificate_bytes_ = bytes;
 }
 
 void FrameMerge::Combine(uint32_t index) {

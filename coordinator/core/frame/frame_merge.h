@@ -32,7 +32,7 @@
 
 namespace sheaf::coordinator {
 
-// Bytes of unfinished tiles in memory, over all frames.
+// Bytes of unfinished tiles and of certificates in memory, over all frames.
 class MergeBudget {
  public:
   explicit MergeBudget(uint64_t bytes_max) : bytes_max_(bytes_max) {}
@@ -138,6 +138,7 @@ class FrameMerge {
   bool Complete(uint32_t tile, const CellTrees& trees) const;
   void SetSize(Tile* tile, uint64_t size_bytes);
   void Develop(uint32_t tile, std::unique_ptr<CellTrees> trees);
+  void TakeCertificate(const FilmTile& root);
 
   const bool grows_;
   const CellGrid grid_;
@@ -151,6 +152,7 @@ class FrameMerge {
   std::set<uint32_t> changed_;                 // In memory, not yet developed as they are.
   std::set<uint32_t> developed_since_refresh_;
   std::optional<CertificatePlanes> certificate_;  // None if samples have no proven bound.
+  uint64_t certificate_bytes_ = 0;                // As counted in the budget.
   bool signed_weights_ = false;
   size_t developed_count_ = 0;
 };

@@ -123,6 +123,9 @@ TEST_F(FrameMergeTest, CertifiesErrorsOfBoundedSamples) {
       }
     }
     EXPECT_TRUE(merge.AllDeveloped());
+    // Nothing but the certificate is kept.
+    EXPECT_EQ(budget_.bytes() > 0, most > 0);
+    EXPECT_LE(budget_.bytes(), 40u * static_cast<uint64_t>(spec.settings.window.PixelCount()));
     return merge.CertifiedError();
   };
   const double bound = certified(2, kSamples);
@@ -132,6 +135,7 @@ TEST_F(FrameMergeTest, CertifiesErrorsOfBoundedSamples) {
   EXPECT_EQ(certified(2, 4), bound);
   EXPECT_GT(certified(4, kSamples), bound);
   EXPECT_EQ(certified(0, kSamples), 0);
+  EXPECT_EQ(budget_.bytes(), 0u);
 }
 
 TEST_F(FrameMergeTest, LightIsAddedToTheCamerasImage) {

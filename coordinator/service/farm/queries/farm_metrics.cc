@@ -240,7 +240,7 @@ std::vector<MetricView> FarmMetrics::List() const {
                           static_cast<double>(tables_.scheduler.leases().size())));
   metrics.push_back(Gauge("frames_open", "Frames between their first part and their delivery.",
                           static_cast<double>(tables_.open_frames.size())));
-  metrics.push_back(Gauge("merge_bytes", "Memory of unfinished tiles.",
+  metrics.push_back(Gauge("merge_bytes", "Memory of unfinished tiles and of certificates.",
                           static_cast<double>(tables_.merge_budget.bytes())));
   metrics.push_back(
       Gauge("parts_bytes", "Bytes of parts on disk.", static_cast<double>(store_.PartsBytes())));
