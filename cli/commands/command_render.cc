@@ -18,6 +18,7 @@
 #include "cli/progress_line.h"
 #include "common/base/digest.h"
 #include "common/base/log.h"
+#include "common/base/memory_room.h"
 #include "common/base/text/shell_quoted.h"
 #include "common/command_line/command_line.h"
 
@@ -76,7 +77,8 @@ class RenderCommand : public Command {
 
     const absl::StatusOr<Delivery> delivery = MakeDelivery(arguments_, *job, *view);
     if (!delivery.ok()) return ReportOutputError(delivery.status());
-    farm_.worker.scenes = ScenesOf(&*job);
+    scenes_ = ScenesOf(&*job);
+    farm_.worker.scenes = scenes_;
     const absl::StatusOr<std::unique_ptr<LocalFarm>> farm = LocalFarm::Open(farm_);
     if (!farm.ok()) return ReportError(ExitCode::kFile, farm.status());
     if (!farm_.http_address.empty()) {
@@ -111,7 +113,21 @@ class RenderCommand : public Command {
       ReportError(code, saved);
       if (ended->state() == v1::Job::STATE_SUCCEEDED) return code;
     }
+    if (!json_) PrintPages();
     return ReportEnd(*ended, /*images_written=*/true, RemedyText(farm, *ended), arguments_.detail);
+  }
+
+  // Says what the pages of large volumes cost.
+  void PrintPages() const {
+    const volume::PageCounts counts = scenes_->page_totals().counts();
+    if (counts.pages_pinned == 0) return;
+    PrintInfo(absl::StrFormat(
+        "volumes: %.1f %% of %d lookups of pages were in memory; %d pages (%s) read, %d evicted; "
+        "at most %s in memory",
+        100 -
+            100 * static_cast<double>(counts.pages_read) / static_cast<double>(counts.pages_pinned),
+        counts.pages_pinned, counts.pages_read, FormatMemory(counts.bytes_read),
+        counts.pages_evicted, FormatMemory(scenes_->page_totals().most_bytes())));
   }
 
   // The command that renders the missing images of a failed or cancelled job. Finished work on them
@@ -175,6 +191,7 @@ class RenderCommand : public Command {
 
   JobArguments arguments_;
   LocalFarmOptions farm_;
+  std::shared_ptr<worker::DirectScenes> scenes_;  // Set before anything is rendered.
   bool json_ = false;
 };
 

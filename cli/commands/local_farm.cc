@@ -116,8 +116,8 @@ class LocalFarm::StateDirectory {
   FileDescriptor owner_;
 };
 
-std::shared_ptr<worker::SceneOpener> ScenesOf(PreparedJob* job,
-                                              worker::DirectScenes::MemoryWatch watch) {
+std::shared_ptr<worker::DirectScenes> ScenesOf(PreparedJob* job,
+                                               worker::DirectScenes::MemoryWatch watch) {
   auto scenes =
       std::make_shared<worker::DirectScenes>([] { return FindMemoryRoom(); }, std::move(watch));
   if (job->description) {

@@ -28,8 +28,8 @@ struct LocalFarmOptions {
 
 // Opens the scenes of a job for the worker of a LocalFarm. Takes the job's description, so that its
 // scene is not read again. watch: as for DirectScenes.
-std::shared_ptr<worker::SceneOpener> ScenesOf(PreparedJob* job,
-                                              worker::DirectScenes::MemoryWatch watch = nullptr);
+std::shared_ptr<worker::DirectScenes> ScenesOf(PreparedJob* job,
+                                               worker::DirectScenes::MemoryWatch watch = nullptr);
 
 class LocalFarm {
  public:

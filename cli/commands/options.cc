@@ -385,6 +385,13 @@ void AddPartitionOptions(CLI::App* command, JobArguments* arguments) {
       ->add_option("--lease-passes", arguments->lease_pass_count,
                    "Maximum number of passes of one lease, a power of two; changes no pixel")
       ->check(CheckPowerOfTwo);
+  command
+      ->add_option(
+          "--page-volumes-from", arguments->paged_file_bytes_min,
+          "Files of volumes of this size on are packed as sheaf pack does, unless a medium "
+          "moves by their velocities, and workers fetch the pages that their tasks read "
+          "(default 256M); changes no pixel")
+      ->transform(AsBytes());
 }
 
 void AddPlacementOptions(CLI::App* command, JobArguments* arguments) {

@@ -79,7 +79,8 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
                                           const RenderSettings& settings,
                                           std::optional<render::TechniqueEffort> effort,
                                           bool may_share, bool keeps_description, GltfInputs* gltf,
-                                          FileDigests* digests, InputChecks* checks) {
+                                          FileDigests* digests, InputChecks* checks,
+                                          PagedVolumes* volumes) {
   absl::StatusOr<SceneFile> file = ReadSceneFile(path, gltf, number);
   if (!file.ok()) return file.status();
   if (absl::Status status = checks->Check(file->read.scene, *file->files); !status.ok()) {
@@ -90,6 +91,9 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   for (const SceneDiagnostic& diagnostic : read.diagnostics) {
     result.diagnostics.push_back(diagnostic.text);
   }
+  const absl::StatusOr<std::set<std::string>> on_demand =
+      volumes->Replace(read.scene, file->files.get(), &result.diagnostics);
+  if (!on_demand.ok()) return on_demand.status();
   absl::StatusOr<FrameSettings> resolved = ResolveSettings(read, settings);
   if (!resolved.ok()) return Annotate(resolved.status(), path);
   if (const std::string note = CropNote(settings, *resolved); !note.empty()) {
@@ -112,7 +116,7 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
     }
     const absl::StatusOr<BlobDigest> digest = digests->Of(local_path);
     if (!digest.ok()) return digest.status();
-    files.push_back({name, *digest});
+    files.push_back({name, *digest, on_demand->contains(name)});
     result.blobs.push_back({*digest, local_path, ""});
   }
   // The hashed bytes are those that were read.
@@ -296,6 +300,7 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments, bool keeps
   DigestMemory memory(DigestMemory::DefaultPath());
   FileDigests digests(&memory);
   InputChecks checks;
+  PagedVolumes volumes(arguments.paged_file_bytes_min, PagedVolumes::DefaultFolder(), &digests);
   GltfInputs gltf(arguments.gltf, arguments.size);
   RenderSettings settings = arguments.settings;
   if (arguments.stop.IsActive() && !settings.samples) settings.samples = kStoppedSamplesMax;
@@ -314,7 +319,8 @@ absl::StatusOr<PreparedJob> PrepareJob(const JobArguments& arguments, bool keeps
         for (size_t i = next++; i < results.size() && !failed; i = next++) {
           const int32_t number = (*numbers)[i];
           results[i].emplace(ReadFrame(scene->Of(number), number, settings, EffortFor(arguments),
-                                       may_share, keeps_description, &gltf, &digests, &checks));
+                                       may_share, keeps_description, &gltf, &digests, &checks,
+                                       &volumes));
           if (!results[i]->ok()) failed = true;
         }
       });

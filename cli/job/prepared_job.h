@@ -21,6 +21,7 @@
 #include "cli/job/farm_client.h"
 #include "cli/job/format/image_format.h"
 #include "cli/job/frames/frame_range.h"
+#include "cli/job/paged_volumes.h"
 #include "common/content/file_state.h"
 #include "common/scene/film_size.h"
 #include "common/scene/scene_description.h"
@@ -69,6 +70,7 @@ struct JobArguments {
   // Without --techniques, frames with light paths would be refused: nothing is measured.
   bool keep_camera_paths = false;
   StopArguments stop;
+  uint64_t paged_file_bytes_min = kPagedFileBytesMin;  // As for PagedVolumes.
   std::string resume_from;   // A delivered EXR that the frame continues from; empty: none.
   int32_t tile_size_px = 0;  // 0 in these four: the coordinator chooses.
   int32_t cell_size_px = 0;

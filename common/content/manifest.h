@@ -19,6 +19,7 @@ inline constexpr uint64_t kManifestBytesMax = uint64_t{256} << 20;  // Size of i
 struct ManifestFile {
   std::string name;  // Canonical name, as in common/scene/file_source.h, in UTF-8.
   BlobDigest digest;
+  bool is_on_demand = false;  // A worker fetches it when a task reads it.
   friend bool operator==(const ManifestFile&, const ManifestFile&) = default;
 };
 

@@ -20,6 +20,7 @@ std::string EncodeManifest(const Manifest& manifest) {
     out->set_name(file.name);
     out->mutable_digest()->set_sha256_hex(file.digest.sha256_hex);
     out->mutable_digest()->set_size_bytes(file.digest.size_bytes);
+    out->set_on_demand(file.is_on_demand);
   }
   message.mutable_world_to_camera()->Assign(manifest.world_to_camera.begin(),
                                             manifest.world_to_camera.end());
@@ -49,7 +50,7 @@ absl::StatusOr<Manifest> DecodeManifest(const std::string& bytes) {
   manifest.files.reserve(static_cast<size_t>(message.files_size()));
   for (const v1::SceneFile& file : message.files()) {
     manifest.files.push_back(
-        {file.name(), {file.digest().sha256_hex(), file.digest().size_bytes()}});
+        {file.name(), {file.digest().sha256_hex(), file.digest().size_bytes()}, file.on_demand()});
   }
   manifest.world_to_camera.assign(message.world_to_camera().begin(),
                                   message.world_to_camera().end());

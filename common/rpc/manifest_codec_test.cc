@@ -37,6 +37,16 @@ TEST(ManifestCodecTest, EqualScenesHaveEqualBytes) {
   EXPECT_EQ(EncodeManifest(one), EncodeManifest(two));
 }
 
+TEST(ManifestCodecTest, FilesOnDemandAreTold) {
+  const Manifest manifest = MakeManifest("a", {{"a", {kHex, 1}}, {"b", {kHex, 2}, true}});
+  const auto back = DecodeManifest(EncodeManifest(manifest));
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(*back, manifest);
+  Manifest at_once = manifest;
+  at_once.files[1].is_on_demand = false;
+  EXPECT_GT(EncodeManifest(manifest).size(), EncodeManifest(at_once).size());
+}
+
 TEST(ManifestCodecTest, RefusesInvalidBytes) {
   EXPECT_FALSE(DecodeManifest("").ok());
   EXPECT_FALSE(DecodeManifest("Shape \"sphere\"").ok());

@@ -58,6 +58,12 @@ std::string CanonicalFileName(const std::string& reference) {
   return absl::StrJoin(parts, "/");
 }
 
+absl::StatusOr<volume::FileBytes> FileSource::OpenPart(const std::string& canonical_name) {
+  const absl::StatusOr<std::string> path = LocalPath(canonical_name);
+  if (!path.ok()) return path.status();
+  return volume::FileBytes::Open(canonical_name, *path);
+}
+
 absl::StatusOr<std::string> DirectoryFileSource::LocalPath(const std::string& canonical_name) {
   if (canonical_name.empty())
     return NotFound(canonical_name, "cannot be opened: its name is empty");
@@ -82,11 +88,14 @@ absl::StatusOr<std::string> DirectoryFileSource::DerivedPath(const std::string& 
                                                              std::string_view bytes) {
   if (derived_ == nullptr) return LocalPath(canonical_name);
   absl::StatusOr<std::string> path = derived_->Put(bytes, canonical_name);
-  if (!path.ok()) return path.status();
-  const MutexLock lock(&mutex_);
-  derived_paths_[canonical_name] = *path;
-  files_used_[canonical_name] = *path;
+  if (path.ok()) Replace(canonical_name, *path);
   return path;
+}
+
+void DirectoryFileSource::Replace(const std::string& canonical_name, const std::string& path) {
+  const MutexLock lock(&mutex_);
+  derived_paths_[canonical_name] = path;
+  files_used_[canonical_name] = path;
 }
 
 std::map<std::string, std::string> DirectoryFileSource::FilesUsed() const {

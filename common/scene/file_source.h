@@ -15,6 +15,7 @@
 #include "absl/status/statusor.h"
 #include "common/base/mutex.h"
 #include "common/scene/derived_files.h"
+#include "common/volume/file_bytes.h"
 
 namespace sheaf {
 
@@ -34,6 +35,9 @@ class FileSource {
                                                   std::string_view /*bytes*/) {
     return LocalPath(canonical_name);
   }
+  // A part of a page file (volume/page_format.h), for reading. A worker fetches it now. Errors:
+  // those of LocalPath, open(2) and of fetching it. Thread safety: may be called concurrently.
+  virtual absl::StatusOr<volume::FileBytes> OpenPart(const std::string& canonical_name);
 };
 
 // Files below (and beside) the directory of a main scene file on this machine.
@@ -47,6 +51,8 @@ class DirectoryFileSource : public FileSource {
   absl::StatusOr<std::string> LocalPath(const std::string& canonical_name) override;
   absl::StatusOr<std::string> DerivedPath(const std::string& canonical_name,
                                           std::string_view bytes) override;
+  // From now on the name means that file, which was made of the one in the directory.
+  void Replace(const std::string& canonical_name, const std::string& path);
   // Maps the canonical name of every file requested so far to its local path: the files that a
   // submission uploads.
   std::map<std::string, std::string> FilesUsed() const;

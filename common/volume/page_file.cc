@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/volume/page_file.h"
 
+#include <algorithm>
 #include <cstring>
 #include <utility>
 
@@ -31,20 +32,58 @@ absl::Status PageFile::Damaged(const char* what) const {
                    "(sheaf pack)"));
 }
 
-absl::StatusOr<PageFile> PageFile::Open(const std::string& file_name, FileBytes file,
-                                        const VolumeLimits& limits) {
+absl::StatusOr<PageFile> PageFile::Open(const std::string& file_name, FileBytes file, FileKind kind,
+                                        const VolumeLimits& limits,
+                                        PartedBytes::OpenPart open_part) {
   PageFile pages;
   pages.file_name_ = file_name;
-  pages.file_ = std::make_shared<const FileBytes>(std::move(file));
-  const absl::Status status = pages.ReadIndex(limits);
-  if (!status.ok()) return status;
+  if (absl::Status status = pages.ReadIndex(file, limits); !status.ok()) return status;
+  if (kind == FileKind::kPages) {
+    pages.bytes_ = std::make_shared<const PartedBytes>(std::move(file));
+    return pages;
+  }
+  const absl::StatusOr<std::vector<uint64_t>> sizes = pages.PartSizes(file);
+  if (!sizes.ok()) return sizes.status();
+  pages.bytes_ = std::make_shared<const PartedBytes>(*sizes, std::move(open_part));
   return pages;
 }
 
-absl::Status PageFile::ReadIndex(const VolumeLimits& limits) {
+absl::StatusOr<std::vector<uint64_t>> PageFile::PartSizes(const FileBytes& file) const {
+  uint64_t count = 0;
+  std::vector<uint64_t> sizes;
+  if (!file.Read(sizeof(kPartsMagic), sizeof(count), &count) || count > kPagePartsMax) {
+    return Damaged("its parts are too many");
+  }
+  sizes.resize(count);
+  if (!file.Read(sizeof(kPartsMagic) + sizeof(count), count * sizeof(uint64_t), sizes.data())) {
+    return Damaged("the sizes of its parts are cut short");
+  }
+  uint64_t sum = 0;
+  for (const uint64_t bytes : sizes) {
+    if (__builtin_add_overflow(sum, bytes, &sum)) return Damaged("its parts are too large");
+  }
+  return sizes;
+}
+
+std::vector<uint64_t> PageFile::PageOffsets() const {
+  std::vector<uint64_t> offsets;
+  uint64_t end = sizeof(kPageMagic);
+  for (const PageIndex& grid : grids_) {
+    for (const PageEntry& entry : grid.entries) {
+      if (entry.packed_bytes == 0) continue;
+      offsets.push_back(entry.offset_bytes);
+      end = std::max(end, entry.offset_bytes + entry.packed_bytes);
+    }
+  }
+  std::sort(offsets.begin(), offsets.end());
+  offsets.push_back(end);
+  return offsets;
+}
+
+absl::Status PageFile::ReadIndex(const FileBytes& file, const VolumeLimits& limits) {
   PageTrailer trailer;
-  const uint64_t size = file_->size();
-  if (size < sizeof(trailer) || !file_->Read(size - sizeof(trailer), sizeof(trailer), &trailer) ||
+  const uint64_t size = file.size();
+  if (size < sizeof(trailer) || !file.Read(size - sizeof(trailer), sizeof(trailer), &trailer) ||
       trailer.magic != kPageMagic) {
     return Damaged("has no end");
   }
@@ -67,7 +106,7 @@ absl::Status PageFile::ReadIndex(const VolumeLimits& limits) {
                                                      limits.grid_bytes_max, " (grid_bytes_max)"));
   }
   std::string bytes(trailer.index_bytes, '\0');
-  if (!file_->Read(trailer.index_offset_bytes, bytes.size(), bytes.data()) ||
+  if (!file.Read(trailer.index_offset_bytes, bytes.size(), bytes.data()) ||
       Sha256Hex(bytes) !=
           std::string_view(trailer.index_sha256.data(), trailer.index_sha256.size())) {
     return Damaged("its index does not match its digest");
@@ -106,7 +145,7 @@ std::vector<VolumeFileEntry> PageFile::List() const {
 absl::StatusOr<VolumeGrid> PageFile::Take(size_t place, const VolumeLimits& limits,
                                           std::shared_ptr<VolumePages> pages) {
   auto grid =
-      PagedGrid::Make(file_name_, file_, std::move(grids_[place]), limits, std::move(pages));
+      PagedGrid::Make(file_name_, bytes_, std::move(grids_[place]), limits, std::move(pages));
   if (!grid.ok()) return grid.status();
   return VolumeGrid::FromPages(*std::move(grid), file_name_);
 }

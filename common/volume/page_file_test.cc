@@ -347,6 +347,9 @@ TEST_F(PageFileTest, MemoryIsBoundedAndCounted) {
     const volume::PageCounts once = all->counts();
     CompareLookups(*image, *paged, 7, 400);
     EXPECT_EQ(all->counts().pages_read, once.pages_read);
+    EXPECT_EQ(all->counts().pages_pinned, 2 * once.pages_pinned);
+    EXPECT_GT(once.pages_pinned, once.pages_read);
+    EXPECT_EQ(all->counts().pages_evicted, 0u);
     EXPECT_GT(once.pages_read, 10u);
     EXPECT_LE(once.bytes_read, made->file_bytes);
     EXPECT_EQ((VolumePages::CountsOfThread() - before).pages_read, once.pages_read);
@@ -364,6 +367,8 @@ TEST_F(PageFileTest, MemoryIsBoundedAndCounted) {
   CompareLookups(*image, *paged, 8, 400);
   EXPECT_LE(some->page_bytes(), (uint64_t{512} << 10) + kPinnedBytesMax);
   EXPECT_GT(some->counts().pages_read, all->counts().pages_read);
+  EXPECT_GT(some->counts().pages_evicted, 0u);
+  EXPECT_LE(some->counts().pages_evicted, some->counts().pages_read);
   EXPECT_FALSE(PageIndexBytes(volume_path_));
 }
 

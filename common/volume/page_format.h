@@ -6,6 +6,11 @@
 // grid is in the index: where pages are, values where there are no leaves, and ranges of blocks.
 //
 //     pages | index (PageGridHead, root tiles, regions, entries; for each grid) | PageTrailer
+//
+// For farms its pages are in parts, which are files of their own, cut between pages, and all else
+// is in a file that says how large the parts are:
+//
+//     kPartsMagic | uint64 number of parts | uint64 bytes of each | index | PageTrailer
 #pragma once
 
 #include <array>
@@ -22,6 +27,9 @@ inline constexpr size_t kBlocks = 8, kCells = 512;  // Blocks of a page, and pag
 
 inline constexpr uint64_t kPageMagic =
     0x3150566661656853;  // "SheafVP1": the first bytes, and the last.
+inline constexpr uint64_t kPartsMagic = 0x3151566661656853;  // "SheafVQ1".
+// Parts of a file, each of which a program that renders keeps open. They are at least this large.
+inline constexpr uint64_t kPagePartsMax = 256, kPartBytesMin = uint64_t{1} << 20;
 
 // Places of a block in its page and of a page in its region, x slowest. key: its origin in units of
 // its side.

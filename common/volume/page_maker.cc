@@ -2,16 +2,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/volume/page_maker.h"
 
+#include <algorithm>
 #include <array>
+#include <memory>
 #include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "common/base/file.h"
 #include "common/volume/file_bytes.h"
 #include "common/volume/grid_pager.h"
 #include "common/volume/image_source.h"
 #include "common/volume/nanovdb_verify.h"
 #include "common/volume/nvdb_file.h"
+#include "common/volume/page_file.h"
 #include "common/volume/page_writer.h"
 #include "common/volume/vdb_file.h"
 #include "common/volume/volume_file.h"
@@ -116,7 +121,7 @@ absl::StatusOr<PageFileSummary> MakePageFile(const std::string& file_name,
   if (!file.ok()) return file.status();
   const auto kind = volume::KindOf(file_name, *file);
   if (!kind.ok()) return kind.status();
-  if (*kind == volume::FileKind::kPages) {
+  if (*kind == volume::FileKind::kPages || *kind == volume::FileKind::kPageParts) {
     return absl::InvalidArgumentError(
         absl::StrCat(file_name, ": is a page file already; scenes can name it as it is"));
   }
@@ -127,6 +132,98 @@ absl::StatusOr<PageFileSummary> MakePageFile(const std::string& file_name,
       *kind == volume::FileKind::kVdb ? maker.MakeFromVdb(*file) : maker.MakeFromNvdb(*file);
   if (!status.ok()) return status;
   return maker.TakeSummary();
+}
+
+std::string PagePartName(const std::string& file_name, size_t part) {
+  return PagePartPath(file_name + ".parts", part);
+}
+
+std::string PagePartPath(const std::string& folder, size_t part) {
+  return absl::StrFormat("%s/%04d", folder, part);
+}
+
+namespace {
+
+// Bytes of a page file, as a string.
+absl::StatusOr<std::string> Bytes(const std::string& file_name, const volume::FileBytes& file,
+                                  uint64_t begin, uint64_t end) {
+  std::string bytes(end - begin, '\0');
+  if (file.Read(begin, bytes.size(), bytes.data())) return bytes;
+  return absl::DataLossError(absl::StrCat(file_name, ": cannot be read; make it again"));
+}
+
+// Where parts end. offsets: of the pages, and their end.
+std::vector<uint64_t> PartEnds(const std::vector<uint64_t>& offsets) {
+  const uint64_t end = offsets.back();
+  const uint64_t least =
+      std::max(volume::kPartBytesMin, (end + volume::kPagePartsMax - 1) / volume::kPagePartsMax);
+  std::vector<uint64_t> ends;
+  uint64_t begin = 0;
+  for (const uint64_t offset : offsets) {
+    if (offset - begin < least && offset != end) continue;
+    ends.push_back(begin = offset);
+  }
+  return ends;
+}
+
+}  // namespace
+
+absl::StatusOr<PageParts> SplitPageFile(const std::string& file_name, const std::string& page_path,
+                                        const std::string& folder, const VolumeLimits& limits) {
+  auto file = volume::FileBytes::Open(file_name, page_path);
+  if (!file.ok()) return file.status();
+  auto again = volume::FileBytes::Open(file_name, page_path);
+  if (!again.ok()) return again.status();
+  const auto pages =
+      volume::PageFile::Open(file_name, *std::move(again), volume::FileKind::kPages, limits);
+  if (!pages.ok()) return pages.status();
+  const std::vector<uint64_t> ends = PartEnds(pages->PageOffsets());
+  volume::PageTrailer trailer;
+  if (!file->Read(file->size() - sizeof(trailer), sizeof(trailer), &trailer) ||
+      ends.back() > trailer.index_offset_bytes) {
+    return absl::InvalidArgumentError(absl::StrCat(file_name, ": its pages lie outside"));
+  }
+  const absl::StatusOr<std::unique_ptr<FileSystemSync>> sync = FileSystemSync::Open(folder);
+  if (!sync.ok()) return sync.status();
+  PageParts parts;
+  std::string index;
+  const auto append = [&index](uint64_t number) {
+    index.append(reinterpret_cast<const char*>(&number), sizeof(number));
+  };
+  append(volume::kPartsMagic);
+  append(ends.size());
+  uint64_t begin = 0;
+  for (const uint64_t end : ends) {
+    append(end - begin);
+    const absl::StatusOr<std::string> bytes = Bytes(file_name, *file, begin, end);
+    if (!bytes.ok()) return bytes.status();
+    parts.part_paths.push_back(PagePartPath(folder, parts.part_paths.size()));
+    absl::Status status = WriteFileUnsynced(parts.part_paths.back(), *bytes);
+    if (!status.ok()) return status;
+    begin = end;
+  }
+  const uint64_t index_at = trailer.index_offset_bytes;
+  const absl::StatusOr<std::string> bytes =
+      Bytes(file_name, *file, index_at, index_at + trailer.index_bytes);
+  if (!bytes.ok()) return bytes.status();
+  trailer.index_offset_bytes = index.size();
+  index += *bytes;
+  index.append(reinterpret_cast<const char*>(&trailer), sizeof(trailer));
+  parts.index_path = folder + "/index";
+  absl::Status status = WriteFileUnsynced(parts.index_path, index);
+  if (status.ok()) status = (*sync)->Sync();
+  if (!status.ok()) return status;
+  return parts;
+}
+
+std::optional<size_t> PagePartCount(const std::string& index_path) {
+  const auto file = volume::FileBytes::Open(index_path, index_path);
+  std::array<uint64_t, 2> head{};
+  if (!file.ok() || !file->Read(0, sizeof(head), head.data()) || head[0] != volume::kPartsMagic ||
+      head[1] > volume::kPagePartsMax) {
+    return std::nullopt;
+  }
+  return head[1];
 }
 
 std::optional<uint64_t> PageIndexBytes(const std::string& local_path) {

@@ -22,6 +22,7 @@ class PagedPins {
     for (PageSlot* slot : slots_) {
       if (slot != nullptr) VolumePages::Unpin(slot);
     }
+    if (pin_count_ > 0) grid_.pages().CountPins(pin_count_);
   }
   PagedPins(const PagedPins&) = delete;
   PagedPins& operator=(const PagedPins&) = delete;
@@ -37,12 +38,32 @@ class PagedPins {
       if (slot->key == key) return slot;
       VolumePages::Unpin(slot);
     }
-    return slot = grid_.Pin(key);
+    const PageCell* cell = CellOf(key);
+    slot = cell == nullptr ? nullptr : grid_.Pin(*cell);
+    if (slot != nullptr) ++pin_count_;
+    return slot;
+  }
+  // The value of a voxel that lies in no leaf.
+  float TileValue(Index3 voxel) {
+    return grid_.TileValue(voxel, CellOf(Shifted(voxel, kPageLog2)));
   }
 
  private:
+  // The cell of a page; null if it lies in no region.
+  const PageCell* CellOf(Index3 page_key) {
+    const Index3 key = Shifted(page_key, kRegionLog2 - kPageLog2);
+    const PageRegion* region = grid_.Region(region_);
+    if (region == nullptr || region->key != key) {
+      region_ = grid_.RegionAt(key);
+      region = grid_.Region(region_);
+    }
+    return region == nullptr ? nullptr : &region->cells[CellPlace(page_key)];
+  }
+
   const PagedGrid& grid_;
   std::array<PageSlot*, 8> slots_{};
+  uint32_t region_ = PagedGrid::kNoRegion;  // The last one: a look-up costs a hash.
+  uint32_t pin_count_ = 0;
 };
 
 template <typename BuildT>
@@ -61,9 +82,7 @@ class PagedAccessor {
     return offset == 0 ? nullptr : reinterpret_cast<const Leaf*>(slot->data + offset);
   }
   // Requires: the voxel is in no leaf.
-  float getValue(const nanovdb::Coord& at) const {
-    return pins_.grid().TileValue({at[0], at[1], at[2]});
-  }
+  float getValue(const nanovdb::Coord& at) const { return pins_.TileValue({at[0], at[1], at[2]}); }
 
  private:
   PagedPins& pins_;

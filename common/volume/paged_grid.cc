@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/check.h"
 #include "common/base/digest.h"
+#include "common/base/status.h"
 #include "common/base/vector_bytes.h"
 #include "common/volume/codecs.h"
 #include "common/volume/nanovdb_door.h"
@@ -93,20 +94,20 @@ uint64_t PagedGrid::Box::VoxelCount() const {
 }
 
 absl::StatusOr<std::shared_ptr<const PagedGrid>> PagedGrid::Make(
-    const std::string& where, std::shared_ptr<const FileBytes> file, PageIndex index,
+    const std::string& where, std::shared_ptr<const PartedBytes> bytes, PageIndex index,
     const VolumeLimits& limits, std::shared_ptr<VolumePages> pages) {
   std::shared_ptr<PagedGrid> grid(
-      new PagedGrid(where, std::move(file), std::move(index), std::move(pages)));
+      new PagedGrid(where, std::move(bytes), std::move(index), std::move(pages)));
   const absl::Status status = grid->Check(limits);
   if (!status.ok()) return status;
   grid->pages_->AddOtherBytes(grid->MemoryBytes());
   return grid;
 }
 
-PagedGrid::PagedGrid(std::string where, std::shared_ptr<const FileBytes> file, PageIndex index,
+PagedGrid::PagedGrid(std::string where, std::shared_ptr<const PartedBytes> bytes, PageIndex index,
                      std::shared_ptr<VolumePages> pages)
     : where_(std::move(where)),
-      file_(std::move(file)),
+      bytes_(std::move(bytes)),
       index_(std::move(index)),
       pages_(std::move(pages)),
       slots_(std::make_unique<PageSlot[]>(index_.entries.size())),
@@ -148,8 +149,8 @@ absl::Status PagedGrid::CheckEntry(const PageEntry& entry) const {
                    : entry.bytes == least;
   });
   if (!fits || (entry.packed_bytes == 0) != (entry.mask == 0) ||
-      entry.offset_bytes > file_->size() ||
-      file_->size() - entry.offset_bytes < entry.packed_bytes) {
+      entry.offset_bytes > bytes_->size() ||
+      bytes_->size() - entry.offset_bytes < entry.packed_bytes) {
     return Damaged("a page does not fit");
   }
   bool good = true;
@@ -252,10 +253,14 @@ uint64_t PagedGrid::MemoryBytes() const {
          (region_of_.size() + root_value_of_.size()) * kNodeBytes;
 }
 
+uint32_t PagedGrid::RegionAt(Index3 region_key) const {
+  const auto found = region_of_.find(region_key);
+  return found == region_of_.end() ? kNoRegion : found->second;
+}
+
 const PageCell* PagedGrid::CellOf(Index3 page_key) const {
-  const auto found = region_of_.find(Shifted(page_key, kRegionLog2 - kPageLog2));
-  if (found == region_of_.end()) return nullptr;
-  return &index_.regions[found->second].cells[CellPlace(page_key)];
+  const PageRegion* region = Region(RegionAt(Shifted(page_key, kRegionLog2 - kPageLog2)));
+  return region == nullptr ? nullptr : &region->cells[CellPlace(page_key)];
 }
 
 float PagedGrid::RootValue(Index3 root_key) const {
@@ -268,18 +273,15 @@ const PageEntry* PagedGrid::EntryOf(Index3 page_key) const {
   return cell == nullptr || cell->page == 0 ? nullptr : &index_.entries[cell->page - 1];
 }
 
-PageSlot* PagedGrid::Pin(Index3 page_key) const {
-  const PageCell* cell = CellOf(page_key);
-  if (cell == nullptr || cell->page == 0) return nullptr;
-  PageSlot* slot = &slots_[cell->page - 1];
+PageSlot* PagedGrid::Pin(const PageCell& cell) const {
+  if (cell.page == 0) return nullptr;
+  PageSlot* slot = &slots_[cell.page - 1];
   if (index_.entries[slot->place].mask == 0) return nullptr;
   pages_->Pin(*this, slot);
   return slot;
 }
 
-float PagedGrid::TileValue(Index3 voxel) const {
-  const Index3 page_key = Shifted(voxel, kPageLog2);
-  const PageCell* cell = CellOf(page_key);
+float PagedGrid::TileValue(Index3 voxel, const PageCell* cell) const {
   if (cell == nullptr) return RootValue(Shifted(voxel, kRootLog2));
   if (cell->page == 0) return cell->value;
   return index_.entries[cell->page - 1].tiles[BlockPlace(Shifted(voxel, kBlockLog2))];
@@ -356,8 +358,10 @@ absl::StatusOr<uint64_t> PagedGrid::ReadPage(uint32_t place, std::span<std::byte
   const auto damaged = [&](const char* what) {
     return Damaged(absl::StrCat("page ", place, " ", what));
   };
-  if (!file_->Read(entry.offset_bytes, entry.packed_bytes, packed.data())) {
-    return damaged("cannot be read");
+  if (absl::Status status = bytes_->Read(entry.offset_bytes, entry.packed_bytes, packed.data());
+      !status.ok()) {
+    return Annotate(status, absl::StrCat(where_, ": grid \"", index_.head.name.data(), "\": page ",
+                                         place, " cannot be read"));
   }
   // The first reading proves something about these bytes; it holds as long as they are the same.
   const uint64_t checksum = ChecksumOf(read);

@@ -55,7 +55,7 @@ class PagedGrid : public PageReader {
   // compare files with their digests, so that the scene is at fault; kResourceExhausted beyond the
   // limits.
   static absl::StatusOr<std::shared_ptr<const PagedGrid>> Make(
-      const std::string& where, std::shared_ptr<const FileBytes> file, PageIndex index,
+      const std::string& where, std::shared_ptr<const PartedBytes> bytes, PageIndex index,
       const VolumeLimits& limits, std::shared_ptr<VolumePages> pages);
   ~PagedGrid() override;
   PagedGrid(const PagedGrid&) = delete;
@@ -66,10 +66,18 @@ class PagedGrid : public PageReader {
   VolumePages& pages() const { return *pages_; }
   float background() const { return index_.head.background; }
 
-  // The page at that position, pinned until VolumePages::Unpin; null if it has no leaf.
-  PageSlot* Pin(Index3 page_key) const;
-  // The value of a voxel that lies in no leaf.
-  float TileValue(Index3 voxel) const;
+  // The region at that position, by its number; kNoRegion if there is none.
+  static constexpr uint32_t kNoRegion = UINT32_MAX;
+  uint32_t RegionAt(Index3 region_key) const;
+  // Null for kNoRegion.
+  const PageRegion* Region(uint32_t number) const {
+    return number == kNoRegion ? nullptr : &index_.regions[number];
+  }
+  // The page of a cell, pinned until VolumePages::Unpin; null if it has no leaf.
+  PageSlot* Pin(const PageCell& cell) const;
+  // The value of a voxel that lies in no leaf. cell: that of the voxel's page; null if there is no
+  // region.
+  float TileValue(Index3 voxel, const PageCell* cell) const;
   // See VolumeGrid::UniformValue.
   std::optional<float> UniformValue(Index3 lo, Index3 hi) const;
   // See VolumeGrid::BlockRange.
@@ -78,7 +86,7 @@ class PagedGrid : public PageReader {
   absl::StatusOr<uint64_t> ReadPage(uint32_t place, std::span<std::byte> out) const override;
 
  private:
-  PagedGrid(std::string where, std::shared_ptr<const FileBytes> file, PageIndex index,
+  PagedGrid(std::string where, std::shared_ptr<const PartedBytes> bytes, PageIndex index,
             std::shared_ptr<VolumePages> pages);
   // Voxels, both ends included; hi < lo on an axis: empty.
   struct Box {
@@ -103,7 +111,7 @@ class PagedGrid : public PageReader {
   const PageEntry* EntryOf(Index3 page_key) const;
 
   const std::string where_;
-  const std::shared_ptr<const FileBytes> file_;
+  const std::shared_ptr<const PartedBytes> bytes_;
   const PageIndex index_;
   const std::shared_ptr<VolumePages> pages_;
   std::unordered_map<Index3, uint32_t, Index3Hash> region_of_;

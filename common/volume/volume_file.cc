@@ -67,10 +67,16 @@ absl::StatusOr<VolumeGrid> ReadVdbGrid(const std::string& file_name, const OpenF
   return VolumeGrid::FromImage(*std::move(image), file_name, limits, thread_count);
 }
 
-absl::StatusOr<VolumeGrid> ReadPagedGrid(const std::string& file_name, volume::FileBytes file,
+bool HasPages(volume::FileKind kind) {
+  return kind == volume::FileKind::kPages || kind == volume::FileKind::kPageParts;
+}
+
+absl::StatusOr<VolumeGrid> ReadPagedGrid(const std::string& file_name, OpenFile open,
                                          const std::string& grid_name, const VolumeLimits& limits,
-                                         std::shared_ptr<volume::VolumePages> pages) {
-  auto page_file = volume::PageFile::Open(file_name, std::move(file), limits);
+                                         std::shared_ptr<volume::VolumePages> pages,
+                                         volume::PartedBytes::OpenPart open_part) {
+  auto page_file = volume::PageFile::Open(file_name, std::move(open.file), open.kind, limits,
+                                          std::move(open_part));
   if (!page_file.ok()) return page_file.status();
   const auto index = Find(file_name, page_file->List(), grid_name);
   if (!index.ok()) return index.status();
@@ -104,6 +110,7 @@ absl::StatusOr<volume::FileKind> volume::KindOf(const std::string& file_name,
     if (BeginsAsVdb(magic)) return FileKind::kVdb;
     if (magic == kNanovdbMagic) return FileKind::kNvdb;
     if (magic == kPageMagic) return FileKind::kPages;
+    if (magic == kPartsMagic) return FileKind::kPageParts;
   }
   return absl::InvalidArgumentError(
       absl::StrCat(file_name, ": neither a NanoVDB (.nvdb) nor an OpenVDB (.vdb) file nor a page ",
@@ -144,8 +151,8 @@ absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& f
                                                             const VolumeLimits& limits) {
   auto open = Open(file_name, local_path);
   if (!open.ok()) return open.status();
-  if (open->kind == volume::FileKind::kPages) {
-    const auto file = volume::PageFile::Open(file_name, std::move(open->file), limits);
+  if (HasPages(open->kind)) {
+    const auto file = volume::PageFile::Open(file_name, std::move(open->file), open->kind, limits);
     if (!file.ok()) return file.status();
     return file->List();
   }
@@ -162,11 +169,13 @@ absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           const std::string& local_path,
                                           const std::string& grid_name, const VolumeLimits& limits,
                                           int thread_count,
-                                          std::shared_ptr<volume::VolumePages> pages) {
+                                          std::shared_ptr<volume::VolumePages> pages,
+                                          volume::PartedBytes::OpenPart open_part) {
   auto open = Open(file_name, local_path);
   if (!open.ok()) return open.status();
-  if (open->kind == volume::FileKind::kPages) {
-    return ReadPagedGrid(file_name, std::move(open->file), grid_name, limits, std::move(pages));
+  if (HasPages(open->kind)) {
+    return ReadPagedGrid(file_name, *std::move(open), grid_name, limits, std::move(pages),
+                         std::move(open_part));
   }
   if (open->kind == volume::FileKind::kVdb)
     return ReadVdbGrid(file_name, *open, grid_name, limits, thread_count);

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "common/volume/file_bytes.h"
 #include "common/volume/volume_grid.h"
 
 namespace sheaf {
@@ -33,22 +34,23 @@ absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& f
                                                             const VolumeLimits& limits = {});
 
 namespace volume {
-class FileBytes;
 class VolumePages;
 
-enum class FileKind { kNvdb, kVdb, kPages };
+// kPageParts: a page file whose pages are in other files (page_format.h).
+enum class FileKind { kNvdb, kVdb, kPages, kPageParts };
 // Errors: kInvalidArgument if it is none of them.
 absl::StatusOr<FileKind> KindOf(const std::string& file_name, const FileBytes& file);
 }  // namespace volume
 
 // The grid of that name. pages: the memory of a page file's pages; if null, the grid has its
-// own, of VolumePages::kBytesMaxDefault.
-// Errors: as ListVolumeFile; also kNotFound, listing the names in the file; kInvalidArgument for
-// unsupported types (points, ...).
+// own, of VolumePages::kBytesMaxDefault. open_part: opens the parts of a page file that is in
+// parts. Errors: as ListVolumeFile; also kNotFound, listing the names in the file; kInvalidArgument
+// for unsupported types (points, ...).
 absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           const std::string& local_path,
                                           const std::string& grid_name,
                                           const VolumeLimits& limits = {}, int thread_count = 1,
-                                          std::shared_ptr<volume::VolumePages> pages = nullptr);
+                                          std::shared_ptr<volume::VolumePages> pages = nullptr,
+                                          volume::PartedBytes::OpenPart open_part = nullptr);
 
 }  // namespace sheaf

@@ -73,6 +73,7 @@ VolumePages::Buffer VolumePages::MakeRoom(const PageSlot& slot) {
       continue;
     }
     page_bytes_ -= Rounded(bytes);
+    ++pages_evicted_;
     if (Rounded(bytes) == Rounded(slot.bytes)) fitting = std::move(evicted);
   }
   return fitting;
@@ -134,7 +135,17 @@ absl::Status VolumePages::status() const {
   return status_;
 }
 
-PageCounts VolumePages::counts() const { return {pages_read_, bytes_read_, waits_}; }
+void VolumePages::CountPins(uint64_t count) {
+  static std::atomic<size_t> threads{0};
+  thread_local const size_t thread = threads++;
+  pin_counts_[thread % pin_counts_.size()].pins.fetch_add(count, std::memory_order_relaxed);
+}
+
+PageCounts VolumePages::counts() const {
+  PageCounts counts{pages_read_, bytes_read_, waits_, pages_evicted_, 0};
+  for (const PinCount& count : pin_counts_) counts.pages_pinned += count.pins;
+  return counts;
+}
 
 PageCounts VolumePages::CountsOfThread() { return counts_of_thread; }
 

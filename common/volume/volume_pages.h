@@ -45,8 +45,19 @@ struct PageSlot {
 struct PageCounts {
   uint64_t pages_read = 0, bytes_read = 0;
   uint64_t waits = 0;  // For a page that another thread was reading.
+  // Pages that made room for others, and pages that were pinned; all threads' alone.
+  uint64_t pages_evicted = 0, pages_pinned = 0;
   friend PageCounts operator-(const PageCounts& a, const PageCounts& b) {
-    return {a.pages_read - b.pages_read, a.bytes_read - b.bytes_read, a.waits - b.waits};
+    return {a.pages_read - b.pages_read, a.bytes_read - b.bytes_read, a.waits - b.waits,
+            a.pages_evicted - b.pages_evicted, a.pages_pinned - b.pages_pinned};
+  }
+  PageCounts& operator+=(const PageCounts& b) {
+    pages_read += b.pages_read;
+    bytes_read += b.bytes_read;
+    waits += b.waits;
+    pages_evicted += b.pages_evicted;
+    pages_pinned += b.pages_pinned;
+    return *this;
   }
 };
 
@@ -74,6 +85,9 @@ class VolumePages {
     return PinAbsent(reader, slot);
   }
   static void Unpin(PageSlot* slot) { slot->state.fetch_sub(1, std::memory_order_release); }
+
+  // Counts pins, which Pin does not.
+  void CountPins(uint64_t count);
 
   // Frees the pages of these slots. Requires: none is pinned.
   void Forget(std::span<PageSlot> slots);
@@ -114,7 +128,12 @@ class VolumePages {
 
   const uint64_t bytes_max_;
   std::atomic<uint64_t> other_bytes_{0}, page_bytes_{0};
-  std::atomic<uint64_t> pages_read_{0}, bytes_read_{0}, waits_{0};
+  std::atomic<uint64_t> pages_read_{0}, bytes_read_{0}, waits_{0}, pages_evicted_{0};
+  // Pins by a number of the thread, so that threads seldom write to the same line of memory.
+  struct alignas(64) PinCount {
+    std::atomic<uint64_t> pins{0};
+  };
+  std::array<PinCount, 16> pin_counts_;
   std::atomic<size_t> next_shard_{0};
   std::array<Shard, kShards> shards_;
   mutable Mutex mutex_;

@@ -14,16 +14,16 @@ cloud's size on the disk.
 import argparse
 import json
 import os
-import struct
 import subprocess
 import sys
 import tempfile
 
 import numpy as np
 
-LEAF_BYTES, LOWER_BYTES, UPPER_BYTES = 2144, 33856, 270400
-VERSION = (32 << 21) | (4 << 10)
-MAGIC = int.from_bytes(b"NanoVDB0", "little")
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "support",
+                                "volume"))
+from nanovdb_file import LEAF_BYTES, LOWER_BYTES, NanovdbFile  # noqa: E402
+
 FILL = 0.45  # The part of the cube's leaves that the cloud has, about.
 
 SCENE = """Film "rgb" "integer xresolution" %(width)d "integer yresolution" %(height)d
@@ -71,8 +71,8 @@ def density(noises, side, origin):
     return np.clip(value, 0, 1).astype(np.float32)
 
 
-def lower_and_leaves(values, origin, base):
-    """The bytes of the leaves and of their lower node, which lie at `base` of the image."""
+def lower_and_leaves(values, origin):
+    """The bytes of the leaves and of their lower node, which comes after them."""
     blocks = values.reshape(16, 8, 16, 8, 16, 8).transpose(0, 2, 4, 1, 3, 5).reshape(4096, 512)
     is_leaf = blocks.max(axis=1) > 0
     places = np.flatnonzero(is_leaf)
@@ -89,7 +89,7 @@ def lower_and_leaves(values, origin, base):
     table = np.zeros(4096, "<i8")
     table[places] = (np.arange(len(places)) - len(places)) * LEAF_BYTES
     lower[1088:] = table.view(np.uint8)
-    return leaves, lower, base + leaves.size
+    return leaves.tobytes(), lower.tobytes()
 
 
 def write_cloud(path, mib):
@@ -97,49 +97,15 @@ def write_cloud(path, mib):
     random = np.random.default_rng(3)
     noises = [(smooth_noise(random, 64), 4, 0.5), (smooth_noise(random, 64), 1, 0.3)]
     regions = -(-side // 128)
-    entry_at, image_at = 16, 16 + 176 + 8
-    upper_at = 672 + 64 + 64 + 32
-    upper_at += -upper_at % 32
-    at = upper_at + UPPER_BYTES
-    children = np.zeros(32768, "<i8")
-    with open(path, "wb") as file:
-        file.seek(image_at + at)
-        for n in np.ndindex(regions, regions, regions):
-            origin = np.array(n) * 128
+    with NanovdbFile(path, side) as file:
+        for key in np.ndindex(regions, regions, regions):
+            origin = np.array(key) * 128
             values = density(noises, side, origin)
             for axis in range(3):  # Nothing beyond the cube.
                 inside = np.arange(origin[axis], origin[axis] + 128) < side
                 values *= inside.reshape([-1 if a == axis else 1 for a in range(3)])
-            if not values.any():
-                continue
-            leaves, lower, lower_at = lower_and_leaves(values, origin, at)
-            file.write(leaves.tobytes())
-            file.write(lower.tobytes())
-            children[(n[0] * 32 + n[1]) * 32 + n[2]] = lower_at - upper_at
-            at = lower_at + LOWER_BYTES
-        voxel = 2.0 / side
-        grid = bytearray(672 + 64)
-        struct.pack_into("<QQIIIIQ", grid, 0, MAGIC, 0, VERSION, 0, 0, 1, at)
-        grid[40:47] = b"density"
-        struct.pack_into("<9d", grid, 296 + 88, voxel, 0, 0, 0, voxel, 0, 0, 0, voxel)
-        struct.pack_into("<9d", grid, 296 + 160, 1 / voxel, 0, 0, 0, 1 / voxel, 0, 0, 0, 1 / voxel)
-        struct.pack_into("<3d", grid, 296 + 232, -1, -1, -1)
-        struct.pack_into("<3dII", grid, 608, voxel, voxel, voxel, 2, 1)
-        struct.pack_into("<4Q", grid, 672, 0, 0, upper_at - 672, 64)
-        root = bytearray(64 + 32)
-        struct.pack_into("<6iI", root, 0, 0, 0, 0, side, side, side, 1)
-        struct.pack_into("<Qq", root, 64, 0, upper_at - 736)
-        upper = np.zeros(UPPER_BYTES, np.uint8)
-        upper[4128:8224] = np.packbits(children != 0, bitorder="little")
-        upper[8256:] = children.view(np.uint8)
-        file.seek(0)
-        file.write(struct.pack("<QIHH", MAGIC, VERSION, 1, 0))
-        file.write(struct.pack("<4QII6d6i3dI4I3IHHI", at, at, 0, 0, 1, 2, *[0.0] * 6, *[0] * 6,
-                               voxel, voxel, voxel, 8, 0, 0, 1, 1, 0, 0, 0, 0, 0, VERSION))
-        assert file.tell() == entry_at + 176
-        file.write(b"density\0" + bytes(grid) + bytes(root))
-        file.seek(image_at + upper_at)
-        file.write(upper.tobytes())
+            if values.any():
+                file.add_region(key, *lower_and_leaves(values, origin))
     return os.path.getsize(path)
 
 
@@ -185,4 +151,5 @@ def main():
     sys.exit(0 if row["same_sha256"] else 1)
 
 
-main()
+if __name__ == "__main__":
+    main()

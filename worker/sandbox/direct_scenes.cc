@@ -10,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/load_phases.h"
 #include "common/base/log.h"
+#include "common/base/mutex.h"
 #include "common/film/exr/exr_codec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/reader/scene_file_reader.h"
@@ -19,6 +20,7 @@
 #include "worker/render/light_pass.h"
 #include "worker/render/plan/path_limits.h"
 #include "worker/render/scene/memory_estimate.h"
+#include "worker/render/scene/scene_memory.h"
 #include "worker/render/tile_pass.h"
 #include "worker/sandbox/light_pass_gate.h"
 
@@ -66,6 +68,23 @@ void AddStats(const render::RenderStats& more, render::RenderStats* stats) {
   stats->cpu_seconds += more.cpu_seconds;
   stats->non_finite.insert(stats->non_finite.end(), more.non_finite.begin(), more.non_finite.end());
 }
+
+// The files of a scene, some of which are fetched when they are read.
+class SceneSource : public TableFileSource {
+ public:
+  explicit SceneSource(const SceneInputs& inputs)
+      : TableFileSource(inputs.local_paths), inputs_(inputs) {}
+  absl::StatusOr<volume::FileBytes> OpenPart(const std::string& canonical_name) override {
+    // All files of a bundle are there.
+    if (!inputs_.open_on_demand || inputs_.local_paths.contains(canonical_name)) {
+      return TableFileSource::OpenPart(canonical_name);
+    }
+    return inputs_.open_on_demand(canonical_name, {});
+  }
+
+ private:
+  const SceneInputs inputs_;
+};
 
 // Checks that the memory for compiling the scene is available.
 absl::Status CheckEstimate(const SceneDescription& scene, FileSource& files,
@@ -135,9 +154,11 @@ class DirectScene : public OpenScene {
  public:
   // room_bytes: the memory that is free beside the scene. training_threads: at least 1.
   DirectScene(std::unique_ptr<TableFileSource> source, render::CompiledScenePtr scene,
-              uint64_t room_bytes, uint32_t training_threads, DirectScenes::MemoryWatch watch)
+              uint64_t room_bytes, uint32_t training_threads, DirectScenes::MemoryWatch watch,
+              std::shared_ptr<PageTotals> totals)
       : source_(std::move(source)),
         scene_(std::move(scene)),
+        totals_(std::move(totals)),
         training_threads_(training_threads),
         watch_(std::move(watch)),
         light_passes_(room_bytes / kLightPassShare) {}
@@ -151,10 +172,19 @@ class DirectScene : public OpenScene {
   absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
     absl::StatusOr<RenderedPart> part = RenderPart(lease, stop);
     if (watch_ && part.ok()) watch_(render::MemoryOf(*scene_));
+    if (part.ok()) SetPages(&*part);
     return part;
   }
 
  private:
+  // Figures of the pages that were used since the last part.
+  void SetPages(RenderedPart* part) const {
+    const MutexLock lock(&mutex_);
+    const render::ScenePages pages = render::PagesOf(*scene_);
+    part->pages = pages.counts - std::exchange(taken_pages_, pages.counts);
+    part->page_bytes = pages.resident_bytes;
+    totals_->Add(*part);
+  }
   absl::StatusOr<RenderedPart> RenderPart(const Lease& lease, const std::stop_token& stop) const {
     const bool trains = lease.kind == TaskKind::kTraining;
     const PhaseTimer timer(trains ? LoadPhase::kTraining : LoadPhase::kSamples,
@@ -210,9 +240,12 @@ class DirectScene : public OpenScene {
 
   std::unique_ptr<TableFileSource> source_;
   render::CompiledScenePtr scene_;
+  const std::shared_ptr<PageTotals> totals_;
   const uint32_t training_threads_;
   const DirectScenes::MemoryWatch watch_;
   mutable LightPassGate light_passes_;
+  mutable Mutex mutex_;
+  mutable volume::PageCounts taken_pages_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace
@@ -252,7 +285,7 @@ absl::StatusOr<SceneDescription> DirectScenes::DescriptionOf(const SceneInputs& 
 }
 
 OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
-  auto source = std::make_unique<TableFileSource>(inputs.local_paths);
+  auto source = std::make_unique<SceneSource>(inputs);
   const SceneLimits& scene_limits = inputs.limits;
   absl::StatusOr<SceneDescription> description = DescriptionOf(inputs, *source);
   if (!description.ok()) return Failed(KindOf(description.status()), description.status());
@@ -277,7 +310,7 @@ OpenResult DirectScenes::Open(const SceneInputs& inputs, std::stop_token stop) {
             scene_limits.scene_memory_bytes_max, "; raise it (--scene-memory-max)")));
   }
   return {std::make_unique<DirectScene>(std::move(source), *std::move(compiled), room_now_().bytes,
-                                        std::max(1u, scene_limits.render_threads), watch_),
+                                        std::max(1u, scene_limits.render_threads), watch_, totals_),
           absl::OkStatus(), FailureKind::kInternal};
 }
 

@@ -6,7 +6,10 @@
 //     files > SceneDescription > CompiledScene
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -16,10 +19,36 @@
 #include "common/base/memory_room.h"
 #include "common/base/mutex.h"
 #include "common/scene/scene_description.h"
+#include "common/volume/volume_pages.h"
 #include "worker/render/scene/scene_memory.h"
 #include "worker/sandbox/scene_opener.h"
 
 namespace sheaf::worker {
+
+// Pages of page files that the scenes of a process used. Thread safety: members may be called
+// concurrently.
+class PageTotals {
+ public:
+  void Add(const RenderedPart& part) {
+    const MutexLock lock(&mutex_);
+    counts_ += part.pages;
+    most_bytes_ = std::max(most_bytes_, part.page_bytes);
+  }
+  volume::PageCounts counts() const {
+    const MutexLock lock(&mutex_);
+    return counts_;
+  }
+  // The most that a scene had in memory after a part.
+  uint64_t most_bytes() const {
+    const MutexLock lock(&mutex_);
+    return most_bytes_;
+  }
+
+ private:
+  mutable Mutex mutex_;
+  volume::PageCounts counts_ ABSL_GUARDED_BY(mutex_);
+  uint64_t most_bytes_ ABSL_GUARDED_BY(mutex_) = 0;
+};
 
 class DirectScenes : public SceneOpener {
  public:
@@ -38,6 +67,9 @@ class DirectScenes : public SceneOpener {
 
   OpenResult Open(const SceneInputs& inputs, std::stop_token stop) override;
 
+  // Thread safety: as Open.
+  const PageTotals& page_totals() const { return *totals_; }
+
  private:
   struct Expected {
     std::string manifest_sha256_hex;
@@ -50,6 +82,7 @@ class DirectScenes : public SceneOpener {
 
   const std::function<MemoryRoom()> room_now_;
   const MemoryWatch watch_;
+  const std::shared_ptr<PageTotals> totals_ = std::make_shared<PageTotals>();
   Mutex mutex_;
   std::optional<Expected> expected_ ABSL_GUARDED_BY(mutex_);
 };

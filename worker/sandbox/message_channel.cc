@@ -2,11 +2,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "worker/sandbox/message_channel.h"
 
+#include <sys/socket.h>
 #include <sys/uio.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <cstring>
 #include <limits>
 
 #include "absl/strings/str_cat.h"
@@ -35,9 +37,55 @@ void Advance(size_t written, std::array<iovec, N>* buffers) {
   }
 }
 
+// Room for one descriptor beside the bytes.
+struct FileMessage {
+  alignas(cmsghdr) std::array<char, CMSG_SPACE(sizeof(int))> control{};
+  msghdr header{};
+
+  // buffers must outlive the object.
+  FileMessage(iovec* buffers, size_t count) {
+    header.msg_iov = buffers;
+    header.msg_iovlen = count;
+  }
+  void Put(int file) {
+    header.msg_control = control.data();
+    header.msg_controllen = control.size();
+    cmsghdr* const at = CMSG_FIRSTHDR(&header);
+    at->cmsg_level = SOL_SOCKET;
+    at->cmsg_type = SCM_RIGHTS;
+    at->cmsg_len = CMSG_LEN(sizeof(int));
+    std::memcpy(CMSG_DATA(at), &file, sizeof(int));
+  }
+};
+
+// A confined process, which sends no files, may not make the call that would.
+ssize_t WriteWithFile(int socket, iovec* buffers, size_t count, int file) {
+  if (file < 0) return ::writev(socket, buffers, static_cast<int>(count));
+  FileMessage message(buffers, count);
+  message.Put(file);
+  return ::sendmsg(socket, &message.header, 0);
+}
+
+// Reads what is there. A file that comes along goes to *file, which is closed first.
+ssize_t ReceiveWithFile(int socket, char* bytes, size_t size_bytes, FileDescriptor* file) {
+  iovec buffer{bytes, size_bytes};
+  FileMessage message(&buffer, 1);
+  message.header.msg_control = message.control.data();
+  message.header.msg_controllen = message.control.size();
+  const ssize_t got = ::recvmsg(socket, &message.header, MSG_CMSG_CLOEXEC);
+  const cmsghdr* const at = got < 0 ? nullptr : CMSG_FIRSTHDR(&message.header);
+  if (at != nullptr && at->cmsg_level == SOL_SOCKET && at->cmsg_type == SCM_RIGHTS &&
+      at->cmsg_len == CMSG_LEN(sizeof(int))) {
+    int descriptor = -1;
+    std::memcpy(&descriptor, CMSG_DATA(at), sizeof(int));
+    *file = FileDescriptor(descriptor);
+  }
+  return got;
+}
+
 }  // namespace
 
-absl::Status MessageChannel::Send(std::string_view message, std::string_view payload) {
+absl::Status MessageChannel::Send(std::string_view message, std::string_view payload, int file) {
   if (message.size() > std::numeric_limits<uint32_t>::max() ||
       payload.size() > std::numeric_limits<uint32_t>::max()) {
     return absl::InvalidArgumentError("a message of more than 4 GiB");
@@ -49,9 +97,10 @@ absl::Status MessageChannel::Send(std::string_view message, std::string_view pay
   size_t left = sizeof header + message.size() + payload.size();
   const MutexLock lock(&sending_);
   while (left > 0) {
-    const ssize_t written = ::writev(socket_.get(), buffers.data(), buffers.size());
+    const ssize_t written = WriteWithFile(socket_.get(), buffers.data(), buffers.size(), file);
     if (written < 0 && errno == EINTR) continue;
     if (written < 0) return StatusFromErrno(errno, "sending a message");
+    file = -1;  // It goes with the first bytes.
     Advance(static_cast<size_t>(written), &buffers);
     left -= static_cast<size_t>(written);
   }
@@ -60,7 +109,9 @@ absl::Status MessageChannel::Send(std::string_view message, std::string_view pay
 
 absl::StatusOr<MessageChannel::Received> MessageChannel::Receive() {
   Header header;
-  absl::Status status = ReadAll(reinterpret_cast<char*>(&header), sizeof header);
+  Received received;
+  absl::Status status = ReadAll(reinterpret_cast<char*>(&header), sizeof header,
+                                limits_.takes_files ? &received.file : nullptr);
   if (!status.ok()) return status;
   if (header.message_bytes > limits_.message_bytes_max ||
       header.payload_bytes > limits_.payload_bytes_max) {
@@ -68,7 +119,6 @@ absl::StatusOr<MessageChannel::Received> MessageChannel::Receive() {
         "a message of ", header.message_bytes, " and ", header.payload_bytes,
         " bytes; the limits are ", limits_.message_bytes_max, " and ", limits_.payload_bytes_max));
   }
-  Received received;
   received.message.resize(header.message_bytes);
   received.payload.resize(header.payload_bytes);
   status = ReadAll(received.message.data(), received.message.size());
@@ -77,9 +127,10 @@ absl::StatusOr<MessageChannel::Received> MessageChannel::Receive() {
   return received;
 }
 
-absl::Status MessageChannel::ReadAll(char* bytes, size_t size_bytes) {
+absl::Status MessageChannel::ReadAll(char* bytes, size_t size_bytes, FileDescriptor* file) {
   while (size_bytes > 0) {
-    const ssize_t got = ::read(socket_.get(), bytes, size_bytes);
+    const ssize_t got = file == nullptr ? ::read(socket_.get(), bytes, size_bytes)
+                                        : ReceiveWithFile(socket_.get(), bytes, size_bytes, file);
     if (got < 0 && errno == EINTR) continue;
     if (got < 0 && errno != ECONNRESET) return StatusFromErrno(errno, "receiving a message");
     if (got <= 0) return absl::OutOfRangeError("the other end has closed the stream");

@@ -5,7 +5,8 @@
 //
 //     uint32 size of the message | uint32 number of bytes | message | bytes
 //
-// Both ends are processes of one machine, so the sizes are in its byte order.
+// Both ends are processes of one machine, so the sizes are in its byte order. An open file may go
+// with a message (SCM_RIGHTS), to an end that takes such.
 #pragma once
 
 #include <cstdint>
@@ -24,6 +25,7 @@ namespace sheaf::worker {
 struct MessageLimits {
   uint32_t message_bytes_max = 0;
   uint32_t payload_bytes_max = 0;
+  bool takes_files = false;  // Otherwise open files that come are closed.
 };
 
 // Thread safety: any number of threads may send, while one receives.
@@ -32,6 +34,7 @@ class MessageChannel {
   struct Received {
     std::string message;
     std::string payload;
+    FileDescriptor file;  // One that came with the message.
   };
 
   // Requires: SIGPIPE is ignored.
@@ -41,7 +44,8 @@ class MessageChannel {
   // Errors: kUnavailable if the other end is closed or accepts no bytes (within the socket's
   // timeout, if it has one): the stream is then unusable. kInvalidArgument if the sizes exceed what
   // the format can express.
-  absl::Status Send(std::string_view message, std::string_view payload = {});
+  // file: an open file to send along, or -1.
+  absl::Status Send(std::string_view message, std::string_view payload = {}, int file = -1);
 
   // Waits for a message. Errors: kOutOfRange if the other end has closed the stream;
   // kInvalidArgument if it sent more than the limits allow; kUnavailable for errors of the socket.
@@ -51,7 +55,8 @@ class MessageChannel {
   int descriptor() const { return socket_.get(); }
 
  private:
-  absl::Status ReadAll(char* bytes, size_t size_bytes);
+  // Reads all bytes. *file, unless null, takes a file that comes with them.
+  absl::Status ReadAll(char* bytes, size_t size_bytes, FileDescriptor* file = nullptr);
 
   const FileDescriptor socket_;
   const MessageLimits limits_;

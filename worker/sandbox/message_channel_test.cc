@@ -40,6 +40,41 @@ TEST_F(MessageChannelTest, CarriesMessagesWithBytes) {
   EXPECT_EQ(there.Receive()->message, "");
 }
 
+TEST_F(MessageChannelTest, CarriesOpenFilesToEndsThatTakeThem) {
+  MessageChannel here = Channel(0), there = Channel(1, {100, 100, true});
+  int pipe_ends[2];
+  ASSERT_EQ(::pipe(pipe_ends), 0);
+  const FileDescriptor reader(pipe_ends[0]);
+  FileDescriptor writer(pipe_ends[1]);
+  EXPECT_TRUE(here.Send("none").ok());
+  EXPECT_TRUE(here.Send("one", "bytes", writer.get()).ok());
+  EXPECT_TRUE(here.Send("none").ok());
+  writer.Close();
+  EXPECT_FALSE(there.Receive()->file.ok());
+  absl::StatusOr<MessageChannel::Received> received = there.Receive();
+  ASSERT_TRUE(received.ok());
+  EXPECT_EQ(received->message + received->payload, "onebytes");
+  ASSERT_TRUE(received->file.ok());
+  EXPECT_EQ(::write(received->file.get(), "!", 1), 1);
+  char byte = 0;
+  EXPECT_EQ(::read(reader.get(), &byte, 1), 1);
+  EXPECT_EQ(byte, '!');
+  EXPECT_FALSE(there.Receive()->file.ok());
+}
+
+TEST_F(MessageChannelTest, ClosesOpenFilesThatItDoesNotTake) {
+  MessageChannel here = Channel(0), there = Channel(1);
+  int pipe_ends[2];
+  ASSERT_EQ(::pipe(pipe_ends), 0);
+  const FileDescriptor reader(pipe_ends[0]);
+  FileDescriptor writer(pipe_ends[1]);
+  EXPECT_TRUE(here.Send("one", "", writer.get()).ok());
+  writer.Close();
+  EXPECT_EQ(there.Receive()->message, "one");
+  char byte = 0;
+  EXPECT_EQ(::read(reader.get(), &byte, 1), 0);  // No end to write to is open.
+}
+
 TEST_F(MessageChannelTest, RefusesMessagesBeyondItsLimits) {
   MessageChannel here = Channel(0), there = Channel(1, {10, 10});
   EXPECT_TRUE(here.Send("a message of more than ten bytes").ok());

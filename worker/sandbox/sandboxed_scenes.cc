@@ -103,9 +103,11 @@ class SandboxedScene : public OpenScene {
     const uint32_t threads = lease.kind == TaskKind::kTraining ? std::max(1u, threads_) : 1;
     const double most_seconds = threads * absl::ToDoubleSeconds(SteadyTime::Now() - begin);
     const double cpu_seconds = answer.reply.cpu_seconds();
-    return RenderedPart{
+    RenderedPart part{
         std::move(answer.payload), answer.reply.ray_count(),
         std::isfinite(cpu_seconds) ? std::clamp(cpu_seconds, 0.0, most_seconds) : most_seconds};
+    TakePages(answer.reply, &part);
+    return part;
   }
 
  private:
@@ -166,7 +168,7 @@ absl::StatusOr<std::unique_ptr<SandboxedScenes>> SandboxedScenes::Make(SandboxOp
 absl::Duration LoadTimeFor(const SceneInputs& inputs) {
   constexpr absl::Duration kLeast = absl::Minutes(2);
   constexpr double kBytesPerSecond = 1e6;
-  double bytes = 0;
+  auto bytes = static_cast<double>(inputs.on_demand_bytes);
   for (const auto& [name, path] : inputs.local_paths) {
     std::error_code unknown;
     const uintmax_t size_bytes = std::filesystem::file_size(path, unknown);
@@ -198,6 +200,7 @@ OpenResult SandboxedScenes::Open(const SceneInputs& inputs, std::stop_token stop
   if (const absl::Status status = StatusOf(answer.reply); !status.ok()) {
     return Failed(kConfining, FailureKind::kInfrastructure, status);
   }
+  if (inputs.open_on_demand) (*process)->ServeFiles(inputs.open_on_demand);
   v1::SandboxRequest load;
   *load.mutable_load() = LoadRequestOf(inputs);
   const absl::Duration load_time_max = options_.load_time_max.value_or(LoadTimeFor(inputs));

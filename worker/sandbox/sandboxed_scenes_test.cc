@@ -24,10 +24,13 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "common/base/check.h"
 #include "common/base/file.h"
 #include "common/base/log.h"
+#include "common/base/mutex.h"
 #include "common/volume/volume_file.h"
+#include "tests/support/farm/acting_scenes.h"
 #include "tests/support/temporary_path.h"
 #include "tests/support/volume/volume_writers.h"
 #include "worker/sandbox/scene_messages.h"
@@ -38,125 +41,15 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr char kSceneProcess[] = "--scene-process";
-
-std::string TakeMemory() {
-  std::vector<std::unique_ptr<char[]>> taken;
-  while (true) {
-    taken.push_back(std::make_unique<char[]>(size_t{16} << 20));
-    for (size_t i = 0; i < size_t{16} << 20; i += 4'096) taken.back()[i] = 1;
-  }
+// The files of a scene that a worker fetches: names of one letter, which they hold.
+absl::StatusOr<volume::FileBytes> FetchLetter(const std::string& name, const std::stop_token&) {
+  if (name.size() != 1) return absl::NotFoundError("no letter");
+  const std::string path = testing::TemporaryPath("letter-" + name);
+  SHEAF_CHECK(WriteFileAtomically(path, name).ok());
+  auto file = volume::FileBytes::Open(name, path);
+  ::unlink(path.c_str());
+  return file;
 }
-
-void WriteNowhere() {
-  volatile int* volatile nowhere = nullptr;
-  *nowhere = 1;
-}
-
-// The processes that this one has started, and those that they have.
-std::vector<pid_t> Descendants() {
-  std::vector<pid_t> found = {::getpid()};
-  for (size_t i = 0; i < found.size(); ++i) {
-    for (const auto& task :
-         std::filesystem::directory_iterator(absl::StrCat("/proc/", found[i], "/task"))) {
-      std::ifstream children(task.path() / "children");
-      for (pid_t child = 0; children >> child;) found.push_back(child);
-    }
-  }
-  found.erase(found.begin());
-  return found;
-}
-
-[[noreturn]] void Loop() {
-  std::atomic<uint64_t> turns{0};
-  while (true) ++turns;
-}
-
-std::string Open(const std::string& path, int flags) {
-  const int file = ::open(path.c_str(), flags, 0600);
-  const std::string result = file < 0 ? ::strerrorname_np(errno) : "opened";
-  if (file >= 0) ::close(file);
-  return result;
-}
-
-std::string Waits(const std::stop_token& stop) {
-  while (!stop.stop_requested()) ::usleep(1'000);
-  return "stopped";
-}
-
-// Does what the name says, and returns what it sees.
-std::string Act(const std::string& what, const std::stop_token& stop) {
-  if (what == "crash") WriteNowhere();
-  if (what == "check") SHEAF_CHECK(what.empty());
-  if (what == "memory") return TakeMemory();
-  if (what == "loop") Loop();
-  if (what == "wait") return Waits(stop);
-  if (what == "socket") return absl::StrCat(::socket(AF_INET, SOCK_STREAM, 0));
-  if (what == "fork") return absl::StrCat(::fork());
-  if (what == "exec") return absl::StrCat(::execl("/bin/true", "true", nullptr));
-  if (what == "trace") return absl::StrCat(::ptrace(PTRACE_ATTACH, ::getppid(), 0, 0));
-  if (what == "exit") ::_exit(7);
-  if (what == "pid") return absl::StrCat(::getpid());
-  if (what == "write") return Open("/tmp/written-by-a-scene", O_WRONLY | O_CREAT);
-  if (what == "environment") return std::getenv("SHEAF_SECRET") == nullptr ? "none" : "leaked";
-  if (what == "garbage") return absl::StrCat(::write(kSceneSocket, "\xff\xff\xff\xff\0\0\0\0", 8));
-  if (what == "noise") {
-    for (int i = 0; i < 3 * kOutputLinesMax; ++i) LogWarning("noise");
-  }
-  if (absl::StartsWith(what, "open ")) return Open(what.substr(5), O_RDONLY);
-  return "rendered " + what;
-}
-
-class ActingScene : public OpenScene {
- public:
-  explicit ActingScene(std::string what) : what_(std::move(what)) {}
-  uint64_t memory_bytes() const override { return 1'000; }
-  absl::Status SetField(std::string_view field, std::stop_token /*stop*/) const override {
-    if (field == "none") return absl::DataLossError("other bytes");
-    if (field == "broken") return absl::NotFoundError("broken");
-    field_ = field;
-    return absl::OkStatus();
-  }
-  absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
-    if (what_ == "field") return RenderedPart{field_, 5, 1e9};
-    if (lease.kind == TaskKind::kTraining) return RenderedPart{"a field", 5, 1e9};
-    if (what_ == "pretend to be cancelled") return absl::CancelledError("stopped");
-    RenderedPart part{Act(what_, stop), 5, 1e9};
-    if (stop.stop_requested()) return absl::CancelledError("stopped");
-    return part;
-  }
-
- private:
-  const std::string what_;
-  mutable std::string field_;
-};
-
-// "crash" acts while it loads, "render crash" while it renders; "read NAME" opens a file of the
-// scene; "volume NAME" reads a grid of one.
-class ActingScenes : public SceneOpener {
- public:
-  OpenResult Open(const SceneInputs& inputs, std::stop_token stop) override {
-    const std::string& what = inputs.main_file;
-    if (absl::StartsWith(what, "render ")) {
-      return {std::make_unique<ActingScene>(what.substr(7)), absl::OkStatus(), {}};
-    }
-    if (absl::StartsWith(what, "volume ")) {
-      const std::string& path = inputs.local_paths.at(what.substr(7));
-      const auto grid = ReadVolumeGrid("smoke.vdb", path, "density");
-      return {nullptr,
-              grid.ok() ? absl::InvalidArgumentError(absl::StrCat(grid->info().values.max))
-                        : grid.status(),
-              FailureKind::kScene};
-    }
-    if (absl::StartsWith(what, "read ")) {
-      std::ifstream file(inputs.local_paths.at(what.substr(5)));
-      std::string text;
-      std::getline(file, text);
-      return {nullptr, absl::InvalidArgumentError(text), FailureKind::kScene};
-    }
-    return {nullptr, absl::InvalidArgumentError(Act(what, stop)), FailureKind::kScene};
-  }
-};
 
 Protections Only(std::initializer_list<Protection> some) {
   Protections protections;
@@ -267,6 +160,30 @@ TEST_P(SandboxedScenesTest, ReadsVolumesWithOpenVdb) {
   EXPECT_EQ(Open("volume smoke.vdb").status.message(),
             "smoke.vdb: the file is cut short or damaged");
   ::unlink(path.c_str());
+}
+
+TEST_P(SandboxedScenesTest, AsksForFilesThatTheWorkerFetches) {
+  inputs_.open_on_demand = FetchLetter;
+  EXPECT_EQ(Open("fetch abcdefgh").status.message(), "a b c d e f g h");
+  EXPECT_EQ(Open("fetch a?").status.message(), "a no letter");
+}
+
+TEST_P(SandboxedScenesTest, MayNotAskForFilesThatItHasNot) {
+  EXPECT_TRUE(absl::IsInternal(Open("fetch a").status));
+}
+
+TEST_P(SandboxedScenesTest, AFetchEndsWithTheLoad) {
+  std::stop_source stop;
+  inputs_.open_on_demand = [&stop](
+                               const std::string&,
+                               const std::stop_token& ended) -> absl::StatusOr<volume::FileBytes> {
+    stop.request_stop();
+    SleepUnlessStopped(absl::Minutes(10), ended);
+    return absl::CancelledError("stopped");
+  };
+  Open("render nothing");
+  inputs_.main_file = "fetch a";
+  EXPECT_TRUE(absl::IsCancelled(scenes_->Open(inputs_, stop.get_token()).status));
 }
 
 TEST_P(SandboxedScenesTest, SeesNoOtherFile) {

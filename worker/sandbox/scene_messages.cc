@@ -57,12 +57,38 @@ void SetStatus(const absl::Status& status, v1::SandboxReply* reply) {
   reply->set_message(Printable(std::string(status.message()), kReplyTextBytesMax));
 }
 
+namespace {
+
+absl::Status MakeStatus(int32_t code, const std::string& message) {
+  const bool known = code >= 0 && code <= static_cast<int32_t>(absl::StatusCode::kUnauthenticated);
+  return absl::Status(known ? static_cast<absl::StatusCode>(code) : absl::StatusCode::kUnknown,
+                      Printable(message, kReplyTextBytesMax));
+}
+
+}  // namespace
+
 absl::Status StatusOf(const v1::SandboxReply& reply) {
-  const bool known =
-      reply.code() >= 0 && reply.code() <= static_cast<int32_t>(absl::StatusCode::kUnauthenticated);
-  return absl::Status(
-      known ? static_cast<absl::StatusCode>(reply.code()) : absl::StatusCode::kUnknown,
-      Printable(reply.message(), kReplyTextBytesMax));
+  return MakeStatus(reply.code(), reply.message());
+}
+
+absl::Status StatusOf(const v1::FileOpened& opened) {
+  return MakeStatus(opened.code(), opened.message());
+}
+
+void SetPages(const RenderedPart& part, v1::SandboxReply* reply) {
+  if (part.pages.pages_pinned == 0) return;
+  v1::VolumePageCounts& pages = *reply->mutable_pages();
+  pages.set_pinned(part.pages.pages_pinned);
+  pages.set_read(part.pages.pages_read);
+  pages.set_read_bytes(part.pages.bytes_read);
+  pages.set_evicted(part.pages.pages_evicted);
+  pages.set_resident_bytes(part.page_bytes);
+}
+
+void TakePages(const v1::SandboxReply& reply, RenderedPart* part) {
+  const v1::VolumePageCounts& pages = reply.pages();
+  part->pages = {pages.read(), pages.read_bytes(), 0, pages.evicted(), pages.pinned()};
+  part->page_bytes = pages.resident_bytes();
 }
 
 }  // namespace sheaf::worker

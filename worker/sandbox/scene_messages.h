@@ -25,7 +25,7 @@ inline constexpr int kSceneSocket = kChildSocket;
 
 // Messages that a process accepts from its worker: the names of all files of a scene come in one
 // message.
-inline constexpr MessageLimits kRequestLimits{uint32_t{1} << 30, 0};
+inline constexpr MessageLimits kRequestLimits{uint32_t{1} << 30, 0, true};
 // Messages that a worker accepts from a process. The coordinator refuses larger parts, too.
 inline constexpr MessageLimits kReplyLimits{uint32_t{64} << 10, uint32_t{512} << 20};
 // The text of a message for users. Longer ones are cut, by both ends.
@@ -43,5 +43,9 @@ absl::StatusOr<Lease> FromWire(const v1::RenderTaskRequest& message);
 void SetStatus(const absl::Status& status, v1::SandboxReply* reply);
 // The status of a reply, whose numbers and text are untrusted.
 absl::Status StatusOf(const v1::SandboxReply& reply);
+absl::Status StatusOf(const v1::FileOpened& opened);
+// The figures of pages that come with a part.
+void SetPages(const RenderedPart& part, v1::SandboxReply* reply);
+void TakePages(const v1::SandboxReply& reply, RenderedPart* part);
 
 }  // namespace sheaf::worker

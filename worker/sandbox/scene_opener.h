@@ -17,6 +17,8 @@
 #include "absl/status/statusor.h"
 #include "common/base/memory_room.h"
 #include "common/scene/settings/render_settings.h"
+#include "common/volume/file_bytes.h"
+#include "common/volume/volume_pages.h"
 #include "worker/agent/work.h"
 
 namespace sheaf::worker {
@@ -29,6 +31,12 @@ struct SceneLimits {
   uint64_t volume_memory_bytes_max = uint64_t{512} << 20;  // For pages of page files.
 };
 
+// Opens a file of a scene that is not there yet, by its canonical name: it is fetched. Thread
+// safety: may be called concurrently. Errors: kNotFound if the scene has no such file; kCancelled
+// after a request to stop; others if it cannot be fetched.
+using OpenOnDemand = std::function<absl::StatusOr<volume::FileBytes>(const std::string& name,
+                                                                     const std::stop_token& stop)>;
+
 // All that a scene is made of.
 struct SceneInputs {
   std::string main_file;                           // One of the files.
@@ -36,6 +44,8 @@ struct SceneInputs {
   FrameSettings settings;
   SceneLimits limits;
   std::string manifest_sha256_hex = {};  // The manifest that lists the files; empty: unknown.
+  OpenOnDemand open_on_demand = {};      // Valid as long as the scene; empty: all files are there.
+  uint64_t on_demand_bytes = 0;          // The files that it opens take this.
 };
 
 // A part without its description, which its lease gives.
@@ -43,6 +53,9 @@ struct RenderedPart {
   std::string exr_bytes;  // The part, or the guiding field of a training.
   uint64_t ray_count = 0;
   double cpu_seconds = 0;
+  // Pages of volumes: what the scene did with them since its last part, and what is in memory.
+  volume::PageCounts pages = {};
+  uint64_t page_bytes = 0;
 };
 
 // A compiled scene. Thread safety: const members may be called concurrently.

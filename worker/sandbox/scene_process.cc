@@ -52,6 +52,29 @@ absl::Status SceneProcess::WaitForStart() {
 SceneProcess::~SceneProcess() {
   if (child_ != nullptr) child_->Kill();
   thread_.join();
+  // Its threads use the channel.
+  std::unique_ptr<FileServer> files;
+  const MutexLock lock(&mutex_);
+  files = std::move(files_);
+}
+
+void SceneProcess::ServeFiles(OpenOnDemand open) {
+  const MutexLock lock(&mutex_);
+  files_ = std::make_unique<FileServer>(
+      std::move(open), [this](uint64_t ask_id, const absl::StatusOr<volume::FileBytes>& file) {
+        SendFile(ask_id, file);
+      });
+}
+
+void SceneProcess::SendFile(uint64_t ask_id, const absl::StatusOr<volume::FileBytes>& file) {
+  v1::SandboxRequest request;
+  v1::FileOpened& opened = *request.mutable_file_opened();
+  opened.set_call_id(ask_id);
+  opened.set_code(static_cast<int32_t>(file.status().code()));
+  opened.set_message(Printable(std::string(file.status().message()), kReplyTextBytesMax));
+  // If it cannot be sent, the process ends.
+  channel_->Send(request.SerializeAsString(), {}, file.ok() ? file->descriptor() : -1)
+      .IgnoreError();
 }
 
 void SceneProcess::Run(const SceneProgram& program, Protections protections) {
@@ -104,7 +127,15 @@ bool SceneProcess::TakeMessage() {
           FailureKind::kInternal});
     return false;
   }
-  const MutexLock lock(&mutex_);
+  MutexLock lock(&mutex_);
+  if (!reply.open_file().empty()) {
+    if (files_ != nullptr && files_->Ask(reply.call_id(), reply.open_file())) return true;
+    lock.Unlock();
+    Kill(
+        {absl::InternalError("its process was stopped, as it asked for files that are not its own"),
+         FailureKind::kInternal});
+    return false;
+  }
   const auto found = pending_.find(reply.call_id());
   if (found == pending_.end()) return true;  // Given up meanwhile.
   PendingCall& call = *found->second;

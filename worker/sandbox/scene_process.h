@@ -22,8 +22,10 @@
 #include "common/process/child_process.h"
 #include "sheaf/v1/sandbox.pb.h"
 #include "worker/agent/work.h"
+#include "worker/sandbox/file_server.h"
 #include "worker/sandbox/message_channel.h"
 #include "worker/sandbox/protections.h"
+#include "worker/sandbox/scene_opener.h"
 
 namespace sheaf::worker {
 
@@ -58,6 +60,9 @@ class SceneProcess {
   // A request to stop asks a task to end, and kills it after some seconds; it kills a load at once.
   enum class OnStop { kCancelCall, kKill };
 
+  // From now on the process may ask for these files. Call at most once.
+  void ServeFiles(OpenOnDemand open) ABSL_LOCKS_EXCLUDED(mutex_);
+
   // Sends the request, whose call_id it sets, and waits for the reply. The process is killed if
   // there is none in time. Errors: kCancelled only after a request to stop.
   Answer Call(v1::SandboxRequest request, absl::Duration time_max, std::stop_token stop,
@@ -84,6 +89,8 @@ class SceneProcess {
   void Receive();
   // Takes a message. Returns whether more may follow.
   bool TakeMessage();
+  // Answers a process that asked for a file.
+  void SendFile(uint64_t ask_id, const absl::StatusOr<volume::FileBytes>& file);
   // Logs what the process has written. Returns whether more may follow.
   bool TakeOutput();
   void LogOutputLine(const std::string& line);
@@ -108,6 +115,7 @@ class SceneProcess {
   uint64_t calls_ ABSL_GUARDED_BY(mutex_) = 0;
   std::optional<Ending> kill_reason_ ABSL_GUARDED_BY(mutex_);
   std::optional<Ending> ending_ ABSL_GUARDED_BY(mutex_);
+  std::unique_ptr<FileServer> files_ ABSL_GUARDED_BY(mutex_);  // Null: it may not ask.
   std::jthread thread_;
 };
 

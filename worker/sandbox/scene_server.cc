@@ -57,7 +57,7 @@ class SceneServer {
       if (!request.ParseFromString(received->message)) {
         return absl::InternalError("the worker sent a malformed request");
       }
-      Handle(std::move(request));
+      Handle(std::move(request), std::move(received->file));
     }
   }
 
@@ -67,17 +67,28 @@ class SceneServer {
     std::stop_source stop;
   };
 
-  void Handle(v1::SandboxRequest request) {
+  // A file that the worker was asked for.
+  struct AskedFile {
+    bool is_answered = false;
+    absl::Status status;
+    FileDescriptor file;
+  };
+
+  void Handle(v1::SandboxRequest request, FileDescriptor file) {
     switch (request.request_case()) {
       case v1::SandboxRequest::kConfine:
         return ConfineThis(request);
       case v1::SandboxRequest::kLoad:
-        return Load(request);
+        // On a thread of its own, since loading may ask for files.
+        loading_ = std::jthread([this, loaded = std::move(request)] { Load(loaded); });
+        return;
       case v1::SandboxRequest::kSetField:
       case v1::SandboxRequest::kRender:
         return Enqueue(std::move(request));
       case v1::SandboxRequest::kCancel:
         return Cancel(request.cancel().call_id());
+      case v1::SandboxRequest::kFileOpened:
+        return TakeFile(request.file_opened(), std::move(file));
       case v1::SandboxRequest::REQUEST_NOT_SET:
         return;
     }
@@ -112,7 +123,9 @@ class SceneServer {
     absl::Status status = inputs.status();
     if (inputs.ok()) {
       inputs->local_paths = local_paths_;
-      render_threads_max_ = inputs->limits.render_threads;
+      inputs->open_on_demand = [this](const std::string& name, const std::stop_token&) {
+        return OpenFile(name);
+      };
       status = CatchOutOfMemory("loading the scene", [&] { opened = scenes_->Open(*inputs, {}); });
       if (!status.ok()) opened = {nullptr, status, FailureKind::kMemory};
       status = opened.status;
@@ -120,8 +133,40 @@ class SceneServer {
     SetStatus(status, &reply);
     if (opened.scene != nullptr) reply.set_memory_bytes(opened.scene->memory_bytes());
     reply.set_failure_kind(ToWire(opened.failure_kind));
-    scene_ = std::move(opened.scene);
+    {
+      const MutexLock lock(&mutex_);
+      if (inputs.ok()) render_threads_max_ = inputs->limits.render_threads;
+      scene_ = std::move(opened.scene);
+    }
     Reply(reply);
+  }
+
+  // Asks the worker for a file, and waits for the answer: the worker has limits of time.
+  absl::StatusOr<volume::FileBytes> OpenFile(const std::string& name) {
+    const auto asked = std::make_shared<AskedFile>();
+    v1::SandboxReply ask;
+    ask.set_open_file(name);
+    {
+      const MutexLock lock(&mutex_);
+      ask.set_call_id(++asks_);
+      asked_files_[asks_] = asked;
+    }
+    Reply(ask);
+    MutexLock lock(&mutex_);
+    answered_.Wait(&mutex_, [&] { return asked->is_answered; });
+    if (!asked->status.ok()) return asked->status;
+    return volume::FileBytes::Adopt(name, asked->file.Release());
+  }
+
+  void TakeFile(const v1::FileOpened& opened, FileDescriptor file) {
+    const MutexLock lock(&mutex_);
+    const auto found = asked_files_.find(opened.call_id());
+    if (found == asked_files_.end()) return;
+    found->second->is_answered = true;
+    found->second->status = StatusOf(opened);
+    found->second->file = std::move(file);
+    asked_files_.erase(found);
+    answered_.NotifyAll();
   }
 
   void Enqueue(v1::SandboxRequest request) {
@@ -192,16 +237,21 @@ class SceneServer {
     if (!in_memory.ok() || !part.ok()) return Reply(reply);
     reply.set_ray_count(part->ray_count);
     reply.set_cpu_seconds(part->cpu_seconds);
+    SetPages(*part, &reply);
     Reply(reply, part->exr_bytes);
   }
 
   MessageChannel* const channel_;
   SceneOpener* const scenes_;
   std::map<std::string, std::string> local_paths_;
-  std::unique_ptr<const OpenScene> scene_;  // Written before any thread renders.
-  size_t render_threads_max_ = 1;
+  std::unique_ptr<const OpenScene> scene_;  // Written, under the lock, before any thread renders.
+  std::jthread loading_;
 
   Mutex mutex_;
+  size_t render_threads_max_ ABSL_GUARDED_BY(mutex_) = 1;
+  CondVar answered_;
+  uint64_t asks_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::map<uint64_t, std::shared_ptr<AskedFile>> asked_files_ ABSL_GUARDED_BY(mutex_);
   CondVar queued_;
   std::deque<std::shared_ptr<Call>> queue_ ABSL_GUARDED_BY(mutex_);
   std::map<uint64_t, std::shared_ptr<Call>> running_ ABSL_GUARDED_BY(mutex_);

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "common/base/status.h"
+#include "common/process/spawn.h"
 
 namespace sheaf::worker {
 namespace {
@@ -49,8 +50,7 @@ constexpr int kWritingCalls[] = {
 constexpr int kDeadly[] = {
     // Networks and other processes' channels.
     SCMP_SYS(accept), SCMP_SYS(accept4), SCMP_SYS(bind), SCMP_SYS(connect), SCMP_SYS(listen),
-    SCMP_SYS(recvfrom), SCMP_SYS(recvmsg), SCMP_SYS(sendmsg), SCMP_SYS(sendto), SCMP_SYS(socket),
-    SCMP_SYS(socketpair),
+    SCMP_SYS(recvfrom), SCMP_SYS(sendmsg), SCMP_SYS(sendto), SCMP_SYS(socket), SCMP_SYS(socketpair),
     // Programs and other processes.
     SCMP_SYS(execve), SCMP_SYS(execveat), SCMP_SYS(fork), SCMP_SYS(kill), SCMP_SYS(pidfd_getfd),
     SCMP_SYS(pidfd_open), SCMP_SYS(pidfd_send_signal), SCMP_SYS(process_vm_readv),
@@ -126,6 +126,11 @@ void AllowOwnSignals(Filter* filter) {
                    static_cast<scmp_datum_t>(::getpid()));
 }
 
+// Open files that come from the process's own worker; other descriptors fail.
+void AllowReceivingFiles(Filter* filter) {
+  filter->AddWhere(SCMP_ACT_ALLOW, SCMP_SYS(recvmsg), 0, UINT32_MAX, kChildSocket);
+}
+
 // Asking for the limits of this process.
 void AllowReadingLimits(Filter* filter) {
   filter->AddWhere(SCMP_ACT_ALLOW, SCMP_SYS(prlimit64), 2, UINT64_MAX, 0);
@@ -145,6 +150,7 @@ absl::Status FilterSystemCalls(bool writes) {
   }
   AllowThreads(&filter);
   AllowOwnSignals(&filter);
+  AllowReceivingFiles(&filter);
   AllowReadingLimits(&filter);
   return filter.Load();
 }

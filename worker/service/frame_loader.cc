@@ -5,7 +5,6 @@
 #include <grpcpp/client_context.h>
 
 #include <functional>
-#include <set>
 #include <utility>
 #include <vector>
 
@@ -18,6 +17,7 @@
 #include "common/rpc/grpc_status.h"
 #include "common/rpc/manifest_codec.h"
 #include "common/rpc/retry.h"
+#include "worker/service/load_fetches.h"
 
 namespace sheaf::worker {
 namespace {
@@ -30,72 +30,32 @@ using FieldFetch =
 
 LoadResult Failed(FailureKind kind, const absl::Status& status) { return {nullptr, status, kind}; }
 
-// The fetches of one load: counts the blobs that were in the cache, and reports those that are now.
-class LoadFetches {
- public:
-  LoadFetches(BlobFetcher* fetcher, PeerExchange* exchange, std::stop_token stop)
-      : fetcher_(fetcher), exchange_(exchange), stop_(std::move(stop)) {}
-
-  ContentCache::Fetch AsFetch() {
-    return
-        [this](const BlobDigest& blob, uint64_t offset_bytes, const ContentCache::Append& append) {
-          NoteFetched();  // The next blob is asked for once the one before is complete.
-          fetched_.insert(blob.sha256_hex);
-          fetching_ = blob;
-          return fetcher_->Fetch(blob, offset_bytes, append, stop_);
-        };
-  }
-  // The files are all in the cache.
-  void NoteAcquired(const std::vector<ManifestFile>& files) {
-    NoteFetched();
-    if (exchange_ == nullptr) return;
-    std::set<std::string> seen;
-    for (const ManifestFile& file : files) {
-      const BlobDigest& blob = file.digest;
-      if (!seen.insert(blob.sha256_hex).second || fetched_.contains(blob.sha256_hex)) continue;
-      exchange_->CountBlob(BlobSource::kCache);
-      exchange_->CountBytes(BlobSource::kCache, blob.size_bytes);
-      // Another worker of this machine may have fetched it.
-      exchange_->NoteHeld(blob, /*is_new=*/false);
-    }
-  }
-
- private:
-  void NoteFetched() {
-    if (exchange_ != nullptr && !fetching_.sha256_hex.empty())
-      exchange_->NoteHeld(fetching_, /*is_new=*/true);
-    fetching_ = {};
-  }
-
-  BlobFetcher* const fetcher_;
-  PeerExchange* const exchange_;
-  const std::stop_token stop_;
-  std::set<std::string> fetched_;
-  BlobDigest fetching_;
-};
-
 // An open scene together with its files.
 class FrameScene : public LoadedScene {
  public:
-  FrameScene(const ContentCache* cache, ContentLease files, std::unique_ptr<const OpenScene> scene,
-             FieldFetch fetch_field)
+  FrameScene(const ContentCache* cache, ContentLease files,
+             std::shared_ptr<const OnDemandFiles> on_demand, std::unique_ptr<const OpenScene> scene,
+             FieldFetch fetch_field, PeerExchange* exchange)
       : cache_(cache),
         files_(std::move(files)),
+        on_demand_(std::move(on_demand)),
         scene_(std::move(scene)),
-        fetch_field_(std::move(fetch_field)) {}
+        fetch_field_(std::move(fetch_field)),
+        exchange_(exchange) {}
 
   uint64_t memory_bytes() const override { return scene_->memory_bytes(); }
 
   absl::StatusOr<FinishedPart> Render(const Lease& lease, std::stop_token stop) const override {
     // Texture tiles are read from the files on demand, so the files are checked before the task and
     // after it: changes in between may affect the image.
-    if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
+    if (absl::Status status = CheckFiles(); !status.ok()) return status;
     if (absl::Status status = EnsureField(lease, stop); !status.ok()) return status;
     absl::StatusOr<RenderedPart> rendered = scene_->Render(lease, stop);
     if (absl::IsCancelled(rendered.status())) return rendered.status();
     // An error that altered files cause is not the scene's.
-    if (absl::Status status = cache_->CheckUnchanged(files_); !status.ok()) return status;
+    if (absl::Status status = CheckFiles(); !status.ok()) return status;
     if (!rendered.ok()) return rendered.status();
+    if (exchange_ != nullptr) exchange_->CountPages(rendered->pages, rendered->page_bytes);
     FinishedPart part;
     part.lease_id = lease.lease_id;
     part.frame_digest = lease.frame_digest;
@@ -113,6 +73,10 @@ class FrameScene : public LoadedScene {
   }
 
  private:
+  absl::Status CheckFiles() const {
+    const absl::Status status = cache_->CheckUnchanged(files_);
+    return status.ok() ? on_demand_->Check() : status;
+  }
   // Gives the scene the lease's guiding field, unless it has it. Others wait meanwhile.
   absl::Status EnsureField(const Lease& lease, const std::stop_token& stop) const {
     if (lease.field.sha256_hex.empty()) return absl::OkStatus();
@@ -130,8 +94,10 @@ class FrameScene : public LoadedScene {
 
   const ContentCache* const cache_;
   ContentLease files_;  // Pins the files for the lifetime of the scene.
+  std::shared_ptr<const OnDemandFiles> on_demand_;
   std::unique_ptr<const OpenScene> scene_;
   const FieldFetch fetch_field_;
+  PeerExchange* const exchange_;  // Null where nothing is counted.
   mutable Mutex field_mutex_;
   mutable BlobDigest field_ ABSL_GUARDED_BY(field_mutex_);
 };
@@ -182,6 +148,20 @@ absl::StatusOr<std::string> FrameLoader::FetchField(const Lease& lease,
                    status.ok() ? "its bytes do not match its digest" : status.message()));
 }
 
+SceneInputs FrameLoader::InputsOf(const Manifest& manifest, const ContentLease& files,
+                                  const Lease& lease,
+                                  const std::shared_ptr<OnDemandFiles>& on_demand) const {
+  SceneInputs inputs{manifest.main_file, files.local_paths(), lease.settings, limits_,
+                     lease.scene.sha256_hex};
+  if (!on_demand->empty()) {
+    inputs.on_demand_bytes = on_demand->size_bytes();
+    inputs.open_on_demand = [on_demand](const std::string& name, const std::stop_token& until) {
+      return on_demand->Open(name, until);
+    };
+  }
+  return inputs;
+}
+
 LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   LoadFetches fetches(&fetcher_, exchange_, stop);
   const std::vector<ManifestFile> manifest_files = {{"scene.manifest", lease.scene}};
@@ -198,15 +178,19 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   }
   const absl::StatusOr<Manifest> manifest = DecodeManifest(*manifest_bytes);
   if (!manifest.ok()) return Failed(FailureKind::kScene, manifest.status());
-  absl::StatusOr<ContentLease> files = cache_->Acquire(manifest->files, fetches.AsFetch(), stop);
+  std::vector<ManifestFile> at_once, later;
+  for (const ManifestFile& file : manifest->files) {
+    (file.is_on_demand ? later : at_once).push_back(file);
+  }
+  absl::StatusOr<ContentLease> files = cache_->Acquire(at_once, fetches.AsFetch(), stop);
   if (!files.ok()) return Failed(FailureKind::kInfrastructure, files.status());
-  fetches.NoteAcquired(manifest->files);
+  fetches.NoteAcquired(at_once);
+  const auto on_demand = std::make_shared<OnDemandFiles>(later, cache_, &fetcher_, exchange_);
 
-  OpenResult opened = scenes_->Open(
-      {manifest->main_file, files->local_paths(), lease.settings, limits_, lease.scene.sha256_hex},
-      stop);
+  OpenResult opened = scenes_->Open(InputsOf(*manifest, *files, lease, on_demand), stop);
   if (opened.scene == nullptr) {
-    const absl::Status unchanged = cache_->CheckUnchanged(*files);
+    absl::Status unchanged = cache_->CheckUnchanged(*files);
+    if (unchanged.ok()) unchanged = on_demand->Check();
     if (!unchanged.ok()) return Failed(FailureKind::kInfrastructure, unchanged);
     return Failed(opened.failure_kind, opened.status);
   }
@@ -215,9 +199,9 @@ LoadResult FrameLoader::Load(const Lease& lease, std::stop_token stop) {
   const auto fetch_field = [this](const Lease& of, std::stop_token until) {
     return FetchField(of, std::move(until));
   };
-  return {
-      std::make_unique<FrameScene>(cache_, *std::move(files), std::move(opened.scene), fetch_field),
-      absl::OkStatus(), FailureKind::kInternal};
+  return {std::make_unique<FrameScene>(cache_, *std::move(files), on_demand,
+                                       std::move(opened.scene), fetch_field, exchange_),
+          absl::OkStatus(), FailureKind::kInternal};
 }
 
 }  // namespace sheaf::worker

@@ -4,7 +4,7 @@
 // FrameLoader: loads a lease's scene from blobs of the coordinator and of other workers. The
 // guiding field of a guided frame follows with the first lease that names it, once a scene.
 //
-//     manifest blob > files in the content cache > OpenScene
+//     manifest blob > files in the content cache > OpenScene > files that its tasks read
 #pragma once
 
 #include <grpcpp/channel.h>
@@ -15,10 +15,12 @@
 
 #include "absl/status/statusor.h"
 #include "common/content/content_cache.h"
+#include "common/content/manifest.h"
 #include "sheaf/v1/worker.grpc.pb.h"
 #include "worker/agent/scene_loader.h"
 #include "worker/sandbox/scene_opener.h"
 #include "worker/service/blob_fetcher.h"
+#include "worker/service/on_demand_files.h"
 
 namespace sheaf::worker {
 
@@ -35,6 +37,8 @@ class FrameLoader : public SceneLoader {
  private:
   // The verified bytes of the lease's guiding field. Errors: those of LoadedScene::Render.
   absl::StatusOr<std::string> FetchField(const Lease& lease, std::stop_token stop) const;
+  SceneInputs InputsOf(const Manifest& manifest, const ContentLease& files, const Lease& lease,
+                       const std::shared_ptr<OnDemandFiles>& on_demand) const;
 
   BlobFetcher fetcher_;
   PeerExchange* const exchange_;

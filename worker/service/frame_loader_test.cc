@@ -2,7 +2,8 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // A scene's files are altered on disk while it is read or rendered. No error that comes of it is
-// the scene's: the job continues with whole files. Guiding fields are fetched once a scene.
+// the scene's: the job continues with whole files. Guiding fields are fetched once a scene, and
+// files on demand when a task reads them.
 #include "worker/service/frame_loader.h"
 
 #include <grpcpp/server.h>
@@ -12,12 +13,14 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <map>
 #include <string>
 #include <utility>
 
 #include "common/base/check.h"
 #include "common/base/digest.h"
 #include "common/content/blob_store.h"
+#include "common/content/chunk_codec.h"
 #include "common/rpc/manifest_codec.h"
 
 namespace sheaf::worker {
@@ -53,6 +56,62 @@ class FakeScenes : public SceneOpener {
   }
   std::function<void()> before = [] {};
   bool renders = false;
+};
+
+// A scene that reads the files that a worker fetches for it.
+class AskingScene : public OpenScene {
+ public:
+  explicit AskingScene(OpenOnDemand open) : open_(std::move(open)) {}
+  uint64_t memory_bytes() const override { return 0; }
+  absl::Status SetField(std::string_view /*field*/, std::stop_token /*stop*/) const override {
+    return absl::OkStatus();
+  }
+  // The lease's name is the file's. A file that does not come is a defect to the process.
+  absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
+    const auto file = open_(lease.frame_name, stop);
+    if (!file.ok()) return absl::InternalError(file.status().message());
+    RenderedPart part{std::string(file->size(), ' ')};
+    if (!file->Read(0, file->size(), part.exr_bytes.data())) return absl::InternalError("no bytes");
+    return part;
+  }
+
+ private:
+  const OpenOnDemand open_;
+};
+
+class AskingScenes : public SceneOpener {
+ public:
+  OpenResult Open(const SceneInputs& inputs, std::stop_token /*stop*/) override {
+    local_paths = inputs.local_paths;
+    on_demand_bytes = inputs.on_demand_bytes;
+    return {std::make_unique<AskingScene>(inputs.open_on_demand), absl::OkStatus()};
+  }
+  std::map<std::string, std::string> local_paths;
+  uint64_t on_demand_bytes = 0;
+};
+
+// A coordinator that has blobs, and sends them with a wrong byte for some time.
+class FakeContentService : public v1::ContentService::Service {
+ public:
+  grpc::Status ReadBlob(grpc::ServerContext* /*context*/, const v1::ReadBlobRequest* request,
+                        grpc::ServerWriter<v1::ReadBlobResponse>* writer) override {
+    ++calls;
+    if (failures-- > 0) return {grpc::StatusCode::UNAVAILABLE, "starting"};
+    const auto found = blobs.find(request->digest().sha256_hex());
+    if (found == blobs.end()) return {grpc::StatusCode::NOT_FOUND, "no such blob"};
+    std::string bytes = found->second.substr(request->offset_bytes());
+    if (wrong-- > 0) bytes[0] = static_cast<char>(~bytes[0]);
+    v1::ReadBlobResponse response;
+    response.set_zstd_chunk(CompressChunk(bytes));
+    writer->Write(response);
+    return grpc::Status::OK;
+  }
+  BlobDigest Add(const std::string& bytes) {
+    blobs[Sha256Hex(bytes)] = bytes;
+    return {Sha256Hex(bytes), bytes.size()};
+  }
+  std::map<std::string, std::string> blobs;
+  int calls = 0, failures = 0, wrong = 0;
 };
 
 // A coordinator that has one guiding field.
@@ -203,6 +262,82 @@ TEST_F(FrameLoaderTest, FieldsThatTheSceneRefusesAreReported) {
   coordinator_.field = "no field";
   const LoadResult result = Load();
   EXPECT_TRUE(absl::IsDataLoss(result.scene->Render(Guided("no field"), {}).status()));
+}
+
+// A scene of one file that comes with it, and two that are fetched when they are read.
+class OnDemandTest : public FrameLoaderTest {
+ protected:
+  void SetUp() override {
+    FrameLoaderTest::SetUp();
+    grpc::ServerBuilder builder;
+    builder.RegisterService(&content_);
+    content_server_ = builder.BuildAndStart();
+    lease_.scene = content_.Add(EncodeManifest(
+        MakeManifest("scene.pbrt", {{"scene.pbrt", content_.Add("a scene")},
+                                    {"cloud.vdb.parts/0000", content_.Add("near"), true},
+                                    {"cloud.vdb.parts/0001", content_.Add("far off"), true}})));
+    loader_ = std::make_unique<FrameLoader>(content_server_->InProcessChannel({}), cache_.get(),
+                                            &asking_, SceneLimits());
+    loaded_ = loader_->Load(lease_, {});
+    ASSERT_NE(loaded_.scene, nullptr) << loaded_.status;
+  }
+  absl::StatusOr<FinishedPart> Read(const std::string& name) {
+    Lease lease = lease_;
+    lease.frame_name = name;
+    return loaded_.scene->Render(lease, {});
+  }
+
+  FakeContentService content_;
+  std::unique_ptr<grpc::Server> content_server_;
+  AskingScenes asking_;
+  LoadResult loaded_;
+};
+
+TEST_F(OnDemandTest, FilesAreFetchedWhenTheyAreRead) {
+  EXPECT_EQ(content_.calls, 1);  // The manifest; the scene is in the cache.
+  EXPECT_EQ(asking_.local_paths.size(), 1u);
+  EXPECT_EQ(asking_.on_demand_bytes, 4u + 7u);
+  EXPECT_EQ(Read("cloud.vdb.parts/0001")->exr_bytes, "far off");
+  EXPECT_EQ(content_.calls, 2);
+  EXPECT_EQ(Read("cloud.vdb.parts/0001")->exr_bytes, "far off");
+  EXPECT_EQ(content_.calls, 2);
+}
+
+TEST_F(OnDemandTest, NoOtherFileIsOpened) {
+  for (const char* name : {"scene.pbrt", "../../etc/passwd", "/etc/passwd", ""}) {
+    EXPECT_TRUE(absl::IsInternal(Read(name).status())) << name;
+  }
+}
+
+TEST_F(OnDemandTest, ACoordinatorThatIsAwayIsAskedAgain) {
+  content_.failures = 2;
+  EXPECT_EQ(Read("cloud.vdb.parts/0000")->exr_bytes, "near");
+  EXPECT_EQ(content_.calls, 4);
+}
+
+TEST_F(OnDemandTest, WrongBytesAreRefusedAndFetchedAgain) {
+  content_.wrong = 1;
+  EXPECT_EQ(Read("cloud.vdb.parts/0000")->exr_bytes, "near");
+  EXPECT_EQ(content_.calls, 3);
+}
+
+TEST_F(OnDemandTest, AFileThatDoesNotComeIsNotTheScenesFault) {
+  content_.wrong = 100;
+  EXPECT_TRUE(absl::IsDataLoss(Read("cloud.vdb.parts/0000").status()));
+  EXPECT_EQ(content_.calls, 1 + kWrongBytesMax);
+  content_.wrong = 0;
+  // Its zeros may be in any image: the scene must be loaded again.
+  EXPECT_TRUE(absl::IsDataLoss(Read("cloud.vdb.parts/0001").status()));
+  loaded_ = loader_->Load(lease_, {});
+  EXPECT_EQ(Read("cloud.vdb.parts/0000")->exr_bytes, "near");
+}
+
+TEST_F(OnDemandTest, FilesAlteredAfterwardsAreNotTheScenesFault) {
+  ASSERT_TRUE(Read("cloud.vdb.parts/0000").ok());
+  const std::string hex = Sha256Hex("near");
+  file_ = folder_ + "/blobs/" + hex.substr(0, 2) + "/" + hex;
+  Alter();
+  EXPECT_TRUE(absl::IsDataLoss(Read("cloud.vdb.parts/0001").status()));
 }
 
 }  // namespace

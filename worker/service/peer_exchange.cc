@@ -189,4 +189,19 @@ void PeerExchange::CountBytes(BlobSource source, uint64_t size_bytes) {
   }
 }
 
+void PeerExchange::CountPages(const volume::PageCounts& pages, uint64_t resident_bytes) {
+  const MutexLock lock(&mutex_);
+  const uint64_t found = pages.pages_pinned - std::min(pages.pages_pinned, pages.pages_read);
+  counts_.set_volume_pages_found(counts_.volume_pages_found() + found);
+  counts_.set_volume_pages_read(counts_.volume_pages_read() + pages.pages_read);
+  counts_.set_volume_read_bytes(counts_.volume_read_bytes() + pages.bytes_read);
+  counts_.set_volume_pages_evicted(counts_.volume_pages_evicted() + pages.pages_evicted);
+  counts_.set_volume_resident_bytes(resident_bytes);
+}
+
+void PeerExchange::CountPart(uint64_t size_bytes) {
+  const MutexLock lock(&mutex_);
+  counts_.set_volume_part_bytes(counts_.volume_part_bytes() + size_bytes);
+}
+
 }  // namespace sheaf::worker

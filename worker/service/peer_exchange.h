@@ -19,6 +19,7 @@
 #include "absl/status/statusor.h"
 #include "common/base/mutex.h"
 #include "common/content/blob_store.h"
+#include "common/volume/volume_pages.h"
 #include "sheaf/v1/transfer.grpc.pb.h"
 #include "worker/service/peer_server.h"
 
@@ -64,6 +65,10 @@ class PeerExchange {
   // Counts a blob of a scene by where it came from.
   void CountBlob(BlobSource source);
   void CountBytes(BlobSource source, uint64_t size_bytes);
+  // Counts what a scene did with pages of volumes. resident_bytes: what it has in memory now.
+  void CountPages(const volume::PageCounts& pages, uint64_t resident_bytes);
+  // Counts a part of a page file that a scene opened.
+  void CountPart(uint64_t size_bytes);
 
  private:
   void Run(const std::stop_token& stop);

@@ -71,6 +71,13 @@ absl::StatusOr<std::string> OpenedFiles::DerivedPath(const std::string& canonica
   return DirectoryFileSource::DerivedPath(canonical_name, bytes);
 }
 
+void OpenedFiles::Replace(const std::string& canonical_name, const std::string& path) {
+  DirectoryFileSource::Replace(canonical_name, path);
+  const MutexLock lock(&states_mutex_);
+  derived_.insert(canonical_name);
+  if (const std::optional<FileState> state = StateOfFile(path)) states_.emplace(path, *state);
+}
+
 std::map<std::string, FileState> OpenedFiles::States() const {
   const MutexLock lock(&states_mutex_);
   return states_;

@@ -28,6 +28,8 @@ class OpenedFiles final : public DirectoryFileSource {
   absl::StatusOr<std::string> LocalPath(const std::string& canonical_name) override;
   absl::StatusOr<std::string> DerivedPath(const std::string& canonical_name,
                                           std::string_view bytes) override;
+  // As that of DirectoryFileSource.
+  void Replace(const std::string& canonical_name, const std::string& path);
 
   // By path.
   std::map<std::string, FileState> States() const;

@@ -69,8 +69,11 @@ absl::StatusOr<PeerTroubleReport> FromWire(const v1::PeerTrouble& wire) {
 }
 
 ContentCounts FromWire(const v1::ContentCounts& wire) {
-  return {wire.cache_blobs(),       wire.cache_bytes(),       wire.peer_blobs(),  wire.peer_bytes(),
-          wire.coordinator_blobs(), wire.coordinator_bytes(), wire.served_bytes()};
+  return {wire.cache_blobs(),          wire.cache_bytes(),          wire.peer_blobs(),
+          wire.peer_bytes(),           wire.coordinator_blobs(),    wire.coordinator_bytes(),
+          wire.served_bytes(),         wire.volume_pages_found(),   wire.volume_pages_read(),
+          wire.volume_read_bytes(),    wire.volume_pages_evicted(), wire.volume_part_bytes(),
+          wire.volume_resident_bytes()};
 }
 
 absl::StatusOr<ContentReport> FromWire(const v1::ReportContentRequest& request) {

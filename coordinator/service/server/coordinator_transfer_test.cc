@@ -113,6 +113,33 @@ TEST_F(CoordinatorTransferTest, AnInterruptedUploadGoesOnAfterARestart) {
   EXPECT_TRUE(server_->farm().blobs().Verify(changed.blob).ok());
 }
 
+// Counts only grow, as reports may overtake each other; what is in memory now may fall.
+TEST_F(CoordinatorTransferTest, PagesOfVolumesAreCounted) {
+  Restart();
+  const auto report = [this](const char* worker, uint64_t read, uint64_t resident_bytes) {
+    grpc::ClientContext context;
+    v1::ReportContentRequest request;
+    request.set_worker_id(worker);
+    request.mutable_counts()->set_volume_pages_read(read);
+    request.mutable_counts()->set_volume_pages_found(10 * read);
+    request.mutable_counts()->set_volume_part_bytes(1'000 * read);
+    request.mutable_counts()->set_volume_resident_bytes(resident_bytes);
+    v1::ReportContentResponse response;
+    EXPECT_TRUE(stub_->ReportContent(&context, request, &response).ok());
+  };
+  report("one", 5, 700);
+  report("two", 3, 40);
+  report("one", 9, 60);
+  report("one", 7, 60);
+  EXPECT_EQ(Counter("sheaf_volume_part_bytes_total"), 12'000);
+  EXPECT_EQ(Counter("sheaf_volume_resident_bytes"), 100);
+  double pages = 0;
+  for (const MetricView& metric : server_->farm().Metrics()) {
+    if (metric.name == "sheaf_volume_pages_total") pages += metric.value;
+  }
+  EXPECT_EQ(pages, 12 + 120);
+}
+
 TEST_F(CoordinatorTransferTest, MalformedRequestsAreRefused) {
   Restart();
   grpc::ClientContext one, two, three;

@@ -3,6 +3,7 @@
 #include "worker/render/medium/grid_files.h"
 
 #include "absl/strings/str_cat.h"
+#include "common/volume/page_maker.h"
 
 namespace sheaf::render {
 
@@ -19,8 +20,11 @@ absl::StatusOr<VolumeGrid> GridFiles::Read(const std::string& where, const std::
   if (known != grids_.end()) return known->second;
   const auto path = files_->LocalPath(file);
   if (!path.ok()) return path.status();
-  auto read =
-      ReadVolumeGrid(absl::StrCat(where, ": ", file), *path, grid, {}, thread_count_, pages_);
+  const auto open_part = [files = files_, file](size_t part) {
+    return files->OpenPart(PagePartName(file, part));
+  };
+  auto read = ReadVolumeGrid(absl::StrCat(where, ": ", file), *path, grid, {}, thread_count_,
+                             pages_, open_part);
   if (read.ok()) grids_.emplace(std::pair{file, grid}, *read);
   return read;
 }

@@ -21,7 +21,7 @@ namespace sheaf::render {
 // Not thread-safe.
 class GridFiles {
  public:
-  // `files` must outlive the reader. thread_count: of the verification of a grid.
+  // `files` must outlive the reader and its grids. thread_count: of the verification of a grid.
   // volume_memory_bytes_max: the limit of the memory for pages of page files.
   GridFiles(FileSource* files, int thread_count,
             uint64_t volume_memory_bytes_max = volume::VolumePages::kBytesMaxDefault)

@@ -167,6 +167,7 @@ class MediumTable {
   // The pages of page files that are in memory now.
   uint64_t page_bytes() const { return pages_->page_bytes(); }
   // The first error of reading a page of a page file; the media are wrong from then on.
+  volume::PageCounts page_counts() const { return pages_->counts(); }
   absl::Status PageStatus() const { return pages_->status(); }
 
  private:

@@ -95,7 +95,11 @@ MemoryEstimate EstimateMemory(const SceneDescription& scene, FileSource& files) 
   for (const MediumDescription& medium : scene.media) {
     const uint64_t bytes = VolumeBytes(medium, files);
     estimate.volume_bytes += bytes;
-    if (!IsPaged(medium, files)) estimate.unpaged_bytes += bytes;
+    if (!IsPaged(medium, files)) {
+      estimate.unpaged_bytes += bytes;
+    } else if (std::holds_alternative<VolumeFileMedium>(medium.kind)) {
+      estimate.has_pages = true;
+    }
   }
   return estimate;
 }
@@ -111,13 +115,17 @@ std::string FormatMemoryEstimate(const MemoryEstimate& estimate) {
   if (estimate.volume_bytes > 0) {
     absl::StrAppend(&text, ", volumes ", FormatMemory(estimate.volume_bytes));
   }
+  if (estimate.has_pages) {
+    absl::StrAppend(&text, "; and pages of volumes, up to ",
+                    FormatMemory(volume::VolumePages::kBytesMaxDefault), " (--volume-memory-max)");
+  }
   return text;
 }
 
 std::string PageFileNote(const MemoryEstimate& estimate) {
   if (estimate.unpaged_bytes <= volume::VolumePages::kBytesMaxDefault) return "";
   return absl::StrCat("files of volumes take ", FormatMemory(estimate.unpaged_bytes),
-                      " of these: sheaf pack makes page files of them, which take ",
+                      " of these: submit and render make page files of large ones, which take ",
                       FormatMemory(volume::VolumePages::kBytesMaxDefault),
                       " (--volume-memory-max)");
 }

@@ -20,6 +20,7 @@ struct MemoryEstimate {
   uint64_t surface_bytes = 0;  // For these, during the build of the acceleration structure.
   uint64_t volume_bytes = 0;   // Grids, in the scene or in files.
   uint64_t unpaged_bytes = 0;  // Its files that sheaf pack can make page files of.
+  bool has_pages = false;      // Pages of page files come on top, up to their own limit.
   // The shape that needs the most memory, and the amount.
   SourceLocation largest;
   uint64_t largest_bytes = 0;

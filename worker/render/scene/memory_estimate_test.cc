@@ -9,6 +9,7 @@ namespace sheaf::render {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 SceneDescription SceneOfMesh(size_t triangles) {
   SceneDescription scene;
@@ -59,7 +60,10 @@ TEST(MemoryEstimateTest, CountsVolumes) {
 TEST(MemoryEstimateTest, LargeFilesOfVolumesCouldBePaged) {
   MemoryEstimate estimate;
   estimate.volume_bytes = estimate.unpaged_bytes = uint64_t{3} << 30;
-  EXPECT_THAT(PageFileNote(estimate), HasSubstr("3.0 GiB of these: sheaf pack"));
+  EXPECT_THAT(PageFileNote(estimate), HasSubstr("3.0 GiB of these: submit and render"));
+  EXPECT_THAT(FormatMemoryEstimate(estimate), Not(HasSubstr("pages of volumes")));
+  estimate.has_pages = true;
+  EXPECT_THAT(FormatMemoryEstimate(estimate), HasSubstr("pages of volumes, up to 512.0 MiB"));
   estimate.unpaged_bytes = uint64_t{1} << 20;
   EXPECT_EQ(PageFileNote(estimate), "");
 }

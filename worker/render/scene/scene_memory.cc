@@ -78,4 +78,9 @@ SceneMemory MemoryOf(const CompiledScene& scene) {
   return memory;
 }
 
+ScenePages PagesOf(const CompiledScene& scene) {
+  if (scene.media == nullptr) return {};
+  return {scene.media->page_counts(), scene.media->page_bytes()};
+}
+
 }  // namespace sheaf::render

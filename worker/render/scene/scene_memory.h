@@ -6,6 +6,7 @@
 
 #include <cstdint>
 
+#include "common/volume/volume_pages.h"
 #include "worker/render/scene/compile_scene.h"
 
 namespace sheaf::render {
@@ -25,5 +26,13 @@ struct SceneMemory {
 
 // Thread safety: as for rendering.
 SceneMemory MemoryOf(const CompiledScene& scene);
+
+// Pages of page files.
+struct ScenePages {
+  volume::PageCounts counts;    // Their use so far.
+  uint64_t resident_bytes = 0;  // In memory now.
+};
+// Thread safety: as for rendering.
+ScenePages PagesOf(const CompiledScene& scene);
 
 }  // namespace sheaf::render

@@ -26,6 +26,24 @@ constexpr CountField kByteFields[] = {{&ContentCounts::cache_bytes, "cache"},
                                       {&ContentCounts::peer_bytes, "peer"},
                                       {&ContentCounts::coordinator_bytes, "coordinator"}};
 
+// Workers that report so seldom are gone, and have nothing in memory.
+constexpr absl::Duration kResidentKept = absl::Seconds(30);
+
+struct CountMetric {
+  uint64_t ContentCounts::*value;
+  const char* name;
+  const char* help;
+};
+constexpr CountField kPageFields[] = {{&ContentCounts::volume_pages_found, "found"},
+                                      {&ContentCounts::volume_pages_read, "read"}};
+constexpr CountMetric kVolumeMetrics[] = {
+    {&ContentCounts::volume_read_bytes, "sheaf_volume_read_bytes_total",
+     "Bytes of pages of volumes that workers read from their disks."},
+    {&ContentCounts::volume_pages_evicted, "sheaf_volume_pages_evicted_total",
+     "Pages of volumes that made room for others."},
+    {&ContentCounts::volume_part_bytes, "sheaf_volume_part_bytes_total",
+     "Bytes of the parts of page files that scenes opened."}};
+
 std::string MakeDirectoryId() {
   std::random_device random;
   return absl::StrCat(absl::Hex(random(), absl::kZeroPad8), absl::Hex(random(), absl::kZeroPad8));
@@ -47,13 +65,38 @@ void ContentExchange::AddCounts(const std::string& worker_id, const ContentCount
   std::vector<uint64_t ContentCounts::*> values{&ContentCounts::served_bytes};
   for (const CountField& field : kBlobFields) values.push_back(field.value);
   for (const CountField& field : kByteFields) values.push_back(field.value);
+  for (const CountField& field : kPageFields) values.push_back(field.value);
+  for (const CountMetric& metric : kVolumeMetrics) values.push_back(metric.value);
   for (const auto value : values) {
     // Reports may overtake each other: an older one adds nothing.
     if (counts.*value <= last.counts.*value) continue;
     sums_.*value += counts.*value - last.counts.*value;
     last.counts.*value = counts.*value;
   }
+  last.counts.volume_resident_bytes = counts.volume_resident_bytes;
   last.time = now;
+}
+
+void ContentExchange::AddVolumeMetrics(std::vector<MetricView>* metrics) const {
+  using Kind = MetricView::Kind;
+  for (const CountField& field : kPageFields) {
+    metrics->push_back({"sheaf_volume_pages_total",
+                        "Pages of volumes that workers looked up: found in memory, or read.",
+                        Kind::kCounter, "result", field.source,
+                        static_cast<double>(sums_.*field.value)});
+  }
+  for (const CountMetric& metric : kVolumeMetrics) {
+    metrics->push_back({metric.name, metric.help, Kind::kCounter, "", "",
+                        static_cast<double>(sums_.*metric.value)});
+  }
+  double resident_bytes = 0;
+  for (const auto& [worker, last] : last_) {
+    if (SteadyTime::Now() - last.time > kResidentKept) continue;
+    resident_bytes += static_cast<double>(last.counts.volume_resident_bytes);
+  }
+  metrics->push_back({"sheaf_volume_resident_bytes",
+                      "Pages of volumes in the memory of workers, by their last parts.",
+                      Kind::kGauge, "", "", resident_bytes});
 }
 
 void ContentExchange::Report(const ContentReport& report, SteadyTime now) {
@@ -117,6 +160,7 @@ void ContentExchange::AddMetrics(std::vector<MetricView>* metrics) const {
       static_cast<double>(sent_bytes_));
   add("sheaf_content_peers", "Workers that serve blobs to workers.", Kind::kGauge,
       static_cast<double>(directory_.CountServing(SteadyTime::Now())));
+  AddVolumeMetrics(metrics);
 }
 
 }  // namespace sheaf::coordinator

@@ -22,12 +22,15 @@
 
 namespace sheaf::coordinator {
 
-// The sources of the blobs of a worker's scenes, since its start.
+// The sources of the blobs of a worker's scenes, and their pages of volumes, since its start.
 struct ContentCounts {
   uint64_t cache_blobs = 0, cache_bytes = 0;
   uint64_t peer_blobs = 0, peer_bytes = 0;
   uint64_t coordinator_blobs = 0, coordinator_bytes = 0;
   uint64_t served_bytes = 0;  // To other workers.
+  uint64_t volume_pages_found = 0, volume_pages_read = 0, volume_read_bytes = 0;
+  uint64_t volume_pages_evicted = 0, volume_part_bytes = 0;
+  uint64_t volume_resident_bytes = 0;  // Now.
 };
 
 // A peer that did not give a blob.
@@ -67,6 +70,8 @@ class ContentExchange {
 
  private:
   // Adds a worker's transfers since its last report.
+  void AddVolumeMetrics(std::vector<MetricView>* metrics) const
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void AddCounts(const std::string& worker_id, const ContentCounts& counts, SteadyTime now)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
