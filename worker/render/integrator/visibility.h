@@ -11,6 +11,7 @@
 #include <cstdint>
 
 #include "common/math/mix_bits.h"
+#include "worker/render/accel/embree_scene.h"
 #include "worker/render/geometry/surface_point.h"
 #include "worker/render/integrator/context.h"
 
