@@ -34,7 +34,7 @@ Shape "trianglemesh"
 """
 PAGED = ("--page-volumes-from", "1M")
 WHOLE = ("--page-volumes-from", "999G")
-CROP = ("--crop", "20,20,44,44")
+CROP = ("--crop", "28,28,36,36")
 # A fetch happens once a worker has asked for it.
 SECONDS_MAX = 30
 

@@ -107,6 +107,15 @@ double DistanceTo(const HeterogeneousMedium& medium, const LightBounds& light) {
   return std::max(0.0, distance - static_cast<double>(light.radius));
 }
 
+// Whether a light has a place, as gathering needs.
+bool HasPlacedLight(const LightTable& lights) {
+  for (uint32_t light = 0; light < lights.light_count(); ++light) {
+    const LightBounds bounds = lights.BoundsOf(light);
+    if (bounds.kind != LightBounds::Kind::kInfinite && bounds.strength > 0) return true;
+  }
+  return false;
+}
+
 // Whether gathering may pay off: the box is thin, or the light is within a mean free path of it.
 bool MayPay(const HeterogeneousMedium& medium, double extinction, const LightTable& lights) {
   const IndexBox& box = medium.majorants().box();
@@ -303,6 +312,8 @@ uint64_t MediumTable::memory_bytes() const {
 void MediumTable::ChooseEquiangular(const LightTable& lights, EquiangularMode mode) {
   gathers_always_ = mode == EquiangularMode::kAlways;
   if (mode == EquiangularMode::kNever) return;
+  // Means are looked up all over a grid: for nothing, no page is read.
+  if (!gathers_always_ && !HasPlacedLight(lights)) return;
   for (uint16_t index = 0; index < media_.size(); ++index) {
     Medium& medium = media_[index];
     bool scatters = false;
