@@ -15,16 +15,16 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
                                 "volume"))
 from nanovdb_file import write_noise_layer  # noqa: E402
 
-# Seen along the layer's thickness, and lit from there: rays stay where they enter.
+# Seen along the layer's thickness, and only absorbing: rays stay where they enter.
 SCENE = """Film "rgb" "integer xresolution" 128 "integer yresolution" 128
 Sampler "zsobol" "integer pixelsamples" 4
 Integrator "volpath" "integer maxdepth" 1
 LookAt 0 0 -40  0 0 0  0 1 0
 Camera "perspective" "float fov" 3
 WorldBegin
-LightSource "distant" "rgb L" [3 3 3] "point3 from" [0 0 -1] "point3 to" [0 0 0]
+LightSource "infinite" "rgb L" [1 1 1]
 MakeNamedMedium "cloud" "string type" "nanovdb" "string filename" "cloud.nvdb"
-  "rgb sigma_a" [0 0 0] "rgb sigma_s" [4 4 4]
+  "rgb sigma_a" [4 4 4] "rgb sigma_s" [0 0 0]
 Material "interface"
 MediumInterface "cloud" ""
 Shape "trianglemesh"
