@@ -240,7 +240,7 @@ class NormalMapTest : public ::testing::Test {
     image.mapping = mapping;
     texture.texture = image;
     scene.textures.push_back(texture);
-    scene.materials.push_back({"", DiffuseMaterial{}, {}, kNone, 1, {0, 0}});
+    scene.materials.push_back({"", DiffuseMaterial{}, {}, kNone, 1, {}, {0, 0}});
     // Texel centers are 1/2 apart; row 0 is at v = 3/4.
     const auto at = [&](double u, double v) {
       return Rgb::Gray(static_cast<float>(8 + slope_u * u + slope_v * v));
