@@ -93,6 +93,7 @@ TestScene ShopWindow() {
 TEST(TechniqueMeasurementTest, ChainsPayThroughAWindow) {
   const TechniqueMeasurement window = Measure(ShopWindow());
   ASSERT_TRUE(window.chained.has_value());
+  EXPECT_GT(window.chained->relative_mse, 0);
   const TechniqueSet chains{Technique::kChains};
   EXPECT_EQ(window.Best(), chains) << FormatTechniqueMeasurement(window);
   EXPECT_GT(window.Gain(chains), 100);

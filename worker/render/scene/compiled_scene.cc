@@ -14,6 +14,7 @@
 #include "common/base/load_phases.h"
 #include "worker/render/medium/file_emission.h"
 #include "worker/render/medium/medium_velocities.h"
+#include "worker/render/plan/chain_shapes.h"
 #include "worker/render/scene/compile_tables.h"
 #include "worker/render/scene/displacement.h"
 #include "worker/render/scene/scene_memory.h"
@@ -81,6 +82,8 @@ absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription descr
 absl::Status SetTechniques(TechniqueSet techniques, CompiledScene* scene) {
   scene->settings.techniques = techniques;
   scene->plan.traits = (scene->plan.traits & ~kTechniqueTraits) | TechniqueTraits(scene->settings);
+  scene->plan.chain_shapes =
+      HasChains(techniques) ? FindChainShapes(scene->description) : ChainShapes{};
   scene->guiding.reset();
   scene->chains.reset();
   scene->emission.reset();
