@@ -63,7 +63,7 @@ TEST(MemoryEstimateTest, LargeFilesOfVolumesCouldBePaged) {
   EXPECT_THAT(PageFileNote(estimate), HasSubstr("3.0 GiB of these: submit and render"));
   EXPECT_THAT(FormatMemoryEstimate(estimate), Not(HasSubstr("pages of volumes")));
   estimate.has_pages = true;
-  EXPECT_THAT(FormatMemoryEstimate(estimate), HasSubstr("pages of volumes, up to 512.0 MiB"));
+  EXPECT_THAT(FormatMemoryEstimate(estimate), HasSubstr("pages of volumes, up to 512 MiB"));
   estimate.unpaged_bytes = uint64_t{1} << 20;
   EXPECT_EQ(PageFileNote(estimate), "");
 }
