@@ -29,22 +29,11 @@ bool IsLitFromOutside(const SceneDescription& scene) {
   });
 }
 
-}  // namespace
-
-void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
-
-absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
-                                              const FrameSettings& settings, FileSource& files,
-                                              const CompileLimits& limits,
-                                              const CompileTechniques& techniques) {
-  return CompileChangeableScene(std::move(description), settings, files, limits, techniques);
-}
-
-absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription description,
-                                                          const FrameSettings& settings,
-                                                          FileSource& files,
-                                                          const CompileLimits& limits,
-                                                          const CompileTechniques& techniques) {
+absl::StatusOr<ChangeableScenePtr> Compile(SceneDescription description,
+                                           const FrameSettings& settings, FileSource& files,
+                                           const CompileLimits& limits,
+                                           const CompileTechniques& techniques,
+                                           bool is_changeable) {
   const PhaseTimer timer(LoadPhase::kTables);
   CompileInput input;
   input.threads = static_cast<int>(limits.build_threads > 0
@@ -59,6 +48,8 @@ absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription descr
   input.velocities = *std::move(velocities);
   ResolveFileEmission(files, &description);
   input.plan = MakeRenderPlan(description, settings);
+  // Compiling takes the meshes.
+  if (is_changeable) input.plan.chain_shapes = FindChainShapes(description);
   const absl::Status displaced = DisplaceMeshes(
       files, {limits.displaced_triangles_max, limits.texture_cache_bytes_max}, &description);
   if (!displaced.ok()) return displaced;
@@ -79,11 +70,28 @@ absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription descr
   return ChangeableScenePtr(compiled->release());
 }
 
+}  // namespace
+
+void CompiledSceneDeleter::operator()(const CompiledScene* scene) const { delete scene; }
+
+absl::StatusOr<CompiledScenePtr> CompileScene(SceneDescription description,
+                                              const FrameSettings& settings, FileSource& files,
+                                              const CompileLimits& limits,
+                                              const CompileTechniques& techniques) {
+  return Compile(std::move(description), settings, files, limits, techniques, false);
+}
+
+absl::StatusOr<ChangeableScenePtr> CompileChangeableScene(SceneDescription description,
+                                                          const FrameSettings& settings,
+                                                          FileSource& files,
+                                                          const CompileLimits& limits,
+                                                          const CompileTechniques& techniques) {
+  return Compile(std::move(description), settings, files, limits, techniques, true);
+}
+
 absl::Status SetTechniques(TechniqueSet techniques, CompiledScene* scene) {
   scene->settings.techniques = techniques;
   scene->plan.traits = (scene->plan.traits & ~kTechniqueTraits) | TechniqueTraits(scene->settings);
-  scene->plan.chain_shapes =
-      HasChains(techniques) ? FindChainShapes(scene->description) : ChainShapes{};
   scene->guiding.reset();
   scene->chains.reset();
   scene->emission.reset();
