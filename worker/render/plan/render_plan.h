@@ -36,7 +36,7 @@ struct RenderPlan {
   std::vector<PlannedEffect> effects;  // In the order of Trait.
   std::vector<std::string> unused;     // Names of the effects that the scene does not use.
   // Shapes that chains lead through, and lamps that they lead to: chain_shapes.h. Empty in frames
-  // without chains.
+  // without chains, unless the scene is for SetTechniques.
   ChainShapes chain_shapes;
   // Other facts that matter for the image: one line each.
   std::vector<std::string> notes;
