@@ -119,6 +119,7 @@ def efficiency(row, techniques):
 
 
 def page(rows):
+    special = [row["name"] for row in rows if row["name"] in SPECIAL]
     lines = [
         "# Techniques, scene by scene", "",
         "A renderer can look for light in several ways: from the camera, from the lights, or "
@@ -134,7 +135,7 @@ def page(rows):
         "Made by `tests/bench/techniques_page.py`. Each image has "
         f"{rows[0]['samples']} samples a pixel; relMSE is against a reference of "
         f"{rows[0]['samples'] * REFERENCE_FACTOR} by all techniques (in "
-        f"{', '.join(sorted(SPECIAL))} by the last rows), which has noise of its own. "
+        f"{', '.join(special)} by the last rows), which has noise of its own. "
         "CPU seconds are those of the whole process, with loading and training. Efficiency is "
         "error times CPU seconds, relative to camera paths. The last column says what "
         "`--techniques auto` chooses from its small image, for the samples that the scene asks "

@@ -1,9 +1,9 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What colors of vertices emit (COLOR_0 of unlit materials), as an image over uv of the mesh's own:
-// each triangle has a square of four texels, between whose centers they are interpolated as over
-// the triangle.
+// The emission of colors of vertices (COLOR_0 of unlit materials), as an image over uv of the
+// mesh's own: each triangle has a square of four texels, between whose centers they are
+// interpolated as over the triangle.
 #pragma once
 
 #include <cstddef>

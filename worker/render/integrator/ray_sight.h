@@ -1,7 +1,7 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What the kinds of a path's rays see (docs/adr/0330, docs/adr/0380).
+// The sight of a path's rays by their kinds (docs/adr/0330, docs/adr/0380).
 //
 // A path reaches a light from an event if rays of that event's kind see the light, and no shape
 // that casts shadows is between them. Scattering and light sampling find lights by this one rule,
