@@ -14,7 +14,7 @@ import catalogue
 import hard_cases
 import page
 
-CASE_COUNT = 108
+CASE_COUNT = 113
 # From a figure's row to the end of its call.
 CALL = re.compile(r"\.row = \"(\w+)\"(.*?)\}\);", re.DOTALL)
 

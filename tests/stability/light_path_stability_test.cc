@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Rows L17 to L22 and L43 of the catalogue of hard cases: light that paths from lights bring
-// to the camera.
+// Rows L17 to L22 of the catalogue of hard cases: light that paths from lights bring to the
+// camera.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -189,64 +189,6 @@ TEST(LightPathStability, G2LightPathsAtEveryScale) {
   for (const double scale : {0x1p-20, 0x1p20}) {
     EXPECT_EQ(RedOf(LitRoom(scale), TechniqueSet::kLight, 32, 4).value, unit) << scale;
   }
-}
-
-// --- Merging -------------------------------------------------------------------------------------
-
-const TechniqueSet kMerged = TechniqueSet::kCameraAndLight.With(Technique::kMerging);
-// The refractions of a pane, and the floor.
-constexpr int32_t kDepthBehindPane = 3;
-
-// A floor that the camera sees through a pane of smooth glass, where light paths are merged.
-TestScene FloorBehindPane() {
-  TestScene t = AboveFloor(2);
-  t.AddShape(MeshShape{Floor(&t, 1)}, t.Diffuse(Rgb::Gray(kRho)));
-  t.AddShape(MeshShape{t.Box({-2, 0.5f, -2}, {2, 0.6f, 2})}, t.AddMaterial(DielectricMaterial{}));
-  return t;
-}
-void AddSunFrom(TestScene* t, Vec3d from) {
-  AddSun(t);
-  std::get<DistantLight>(t->scene.lights.back().light).from = from;
-}
-
-// Expected by the catalogue: a floor that is lit from below is black from above. So is one above
-// another, nearer than the radius within which light paths are merged.
-TEST(LightPathStability, L43MergingOnTheOtherSide) {
-  // Light that passes below the pane is found on the side that the camera sees.
-  TestScene lit = FloorBehindPane();
-  AddSunFrom(&lit, {1, 0.2, 0});
-  EXPECT_GT(RedOf(lit, kMerged, 64, kDepthBehindPane).value, 0.01);
-  for (const float gap : {0.0f, 1e-4f}) {
-    TestScene t = FloorBehindPane();
-    if (gap > 0) {
-      t.AddShape(MeshShape{Floor(&t, 1, -gap)}, t.Diffuse(Rgb::Gray(kRho)));
-    }
-    AddSunFrom(&t, {0, -1, 0});
-    ExpectHardCase({.row = "L43",
-                    .figure = gap > 0 ? "radiance above a lit floor" : "radiance of the dark side",
-                    .expected = 0,
-                    .measured = RedOf(t, kMerged, 64, kDepthBehindPane).value,
-                    .naive = kRho / std::numbers::pi_v<float>,
-                    .naive_by = "all light paths within the radius"});
-  }
-}
-
-// Expected by the catalogue: radii of merging change with the scene, to the bit.
-TEST(LightPathStability, G2MergingAtEveryScale) {
-  const auto red_at = [](float scale) {
-    const auto s = static_cast<double>(scale);
-    TestScene t({0, 2 * s, 0}, {0, 0, 0}, 30, {0, 0, 1});
-    t.AddShape(MeshShape{Floor(&t, scale)}, t.Diffuse(Rgb::Gray(kRho)));
-    t.AddShape(MeshShape{t.Box({-2 * scale, 0.5f * scale, -2 * scale},
-                               {2 * scale, 0.625f * scale, 2 * scale})},
-               t.AddMaterial(DielectricMaterial{}));
-    AddSun(&t);
-    // Refractions on both ways.
-    return RedOf(t, kMerged, 32, 2 * kDepthBehindPane - 1).value;
-  };
-  const double unit = red_at(1);
-  EXPECT_GT(unit, 0);
-  for (const float scale : {0x1p-20f, 0x1p20f}) EXPECT_EQ(red_at(scale), unit) << scale;
 }
 
 }  // namespace
