@@ -82,7 +82,7 @@ std::string WhyNot(const FrameSpec& frame, const Partition& partition, const Lim
   if (s.max_depth < 0) return "the depth is negative";
   if (HasLightPasses(s) && LightPassesMax(s, limits) == 0) {
     return absl::StrCat(w.PixelCount(), " pixels: a light pass of them can take ",
-                        LightPartBytes(w.PixelCount(), s.outputs, 1) >> 20,
+                        PassBytes(s, 1) >> 20,
                         " MiB, more than the limit of ", limits.light_part_bytes_max >> 20,
                         "; render parts of the frame with --crop, request fewer outputs, or use "
                         "--techniques ",

@@ -88,6 +88,16 @@ TEST(JobCheckTest, LightPassesHaveLimits) {
   };
   EXPECT_TRUE(CheckJobSpec(with_light(3840, 2160, 4096), Limits()).ok());
   ExpectRefused(with_light(16384, 16384, 16), "light pass of them", "--crop");
+  // The bias of merging has twelve planes more.
+  JobSpec merged = with_light(3840, 2160, 4096);
+  merged.frames[0].settings.techniques =
+      TechniqueSet::kCameraAndLight.With(Technique::kMerging);
+  EXPECT_TRUE(CheckJobSpec(merged, Limits()).ok());
+  Limits limits;
+  limits.light_part_bytes_max = uint64_t{480} << 20;
+  const std::string refused(CheckJobSpec(merged, limits).message());
+  EXPECT_NE(refused.find("can take 761 MiB, more than the limit of 480"), std::string::npos)
+      << refused;
   JobSpec guided = with_light(16384, 16384, 16);
   guided.frames[0].settings.techniques = TechniqueSet::kCameraAndLightGuided;
   ExpectRefused(guided, "light pass of them", "--techniques camera+guiding");

@@ -87,8 +87,9 @@ struct Limits {
   // A lease of light passes takes longer than others, because its result is as large as the frame.
   double light_lease_target_seconds = 30.0;
   // ... and limits its passes so that the result is not larger than this. A frame whose single pass
-  // is larger is refused.
-  uint64_t light_part_bytes_max = uint64_t{480} << 20;
+  // is larger is refused. One pass of 3840 x 2160 pixels with the bias of merging has some 760 MiB.
+  // Below FarmOptions::part_bytes_max.
+  uint64_t light_part_bytes_max = uint64_t{960} << 20;
 
   // Failures, by class. A task is set aside when one of its budgets is used up.
   int poison_workers_max = 3;    // Distinct workers that failed it themselves, by any class; each

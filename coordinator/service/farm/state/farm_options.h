@@ -38,7 +38,7 @@ struct FarmOptions {
   // Advice to users if an upload does not fit.
   std::string space_advice =
       "free space on it (sheaf gc, sheaf usage), or lower --disk-free-min, which is kept for jobs";
-  uint64_t part_bytes_max = uint64_t{512} << 20;  // For one result.
+  uint64_t part_bytes_max = uint64_t{1} << 30;  // For one result.
   // Whether failures of jobs are logged as warnings; otherwise the farm's owner reports them.
   bool warns_of_failed_jobs = true;
 };
