@@ -49,9 +49,10 @@ TEST(RenderSettingsTest, SceneProvidesMissingSettings) {
 TEST(RenderSettingsTest, TechniquesAreThoseOfTheIntegratorUnlessRequested) {
   const std::pair<const char*, TechniqueSet> cases[] = {
       {"bdpt", TechniqueSet::kCameraAndLight}, {"mlt", TechniqueSet::kCameraAndLight},
-      {"sppm", TechniqueSet::kCameraAndLight}, {"lightpath", TechniqueSet::kLight},
-      {"path", TechniqueSet::kCamera},         {"volpath", TechniqueSet::kCamera},
-      {"randomwalk", TechniqueSet::kCamera},   {"", TechniqueSet::kCamera},
+      {"sppm", TechniqueSet::kCameraAndLight.With(Technique::kMerging)},
+      {"lightpath", TechniqueSet::kLight},     {"path", TechniqueSet::kCamera},
+      {"volpath", TechniqueSet::kCamera},      {"randomwalk", TechniqueSet::kCamera},
+      {"", TechniqueSet::kCamera},
   };
   for (const auto& [integrator, expected] : cases) {
     SceneDescription scene;

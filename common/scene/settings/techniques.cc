@@ -162,9 +162,10 @@ std::vector<std::string> TechniquesNames() {
 }
 
 TechniqueSet TechniquesOfIntegrator(const std::string& integrator) {
-  if (integrator == "bdpt" || integrator == "mlt" || integrator == "sppm") {
-    return TechniqueSet::kCameraAndLight;
-  }
+  if (integrator == "bdpt" || integrator == "mlt") return TechniqueSet::kCameraAndLight;
+  // Files ask for photon maps to see caustics in mirrors and through glass, which light paths find
+  // by merging alone.
+  if (integrator == "sppm") return TechniqueSet::kCameraAndLight.With(Technique::kMerging);
   return integrator == "lightpath" ? TechniqueSet::kLight : TechniqueSet::kCamera;
 }
 

@@ -59,14 +59,19 @@ constexpr OtherIntegrator kOtherIntegrators[] = {
        {"largestepprobability", ParameterType::kFloat},
        {"sigma", ParameterType::kFloat}}}},
     {"sppm",
-     "the mean is that which photon maps approach, without their bias; maxdepth limits whole "
-     "paths, not their parts from the camera and from the light",
+     "light in mirrors and behind smooth glass is merged within two pixels, all other light is "
+     "without bias; the layer merge.bias estimates it; maxdepth limits whole paths, not their "
+     "parts from the camera and from the light",
      {{{"photonsperiteration", ParameterType::kInteger},
        {"radius", ParameterType::kFloat},
        {"seed", ParameterType::kInteger}}}},
 };
 
 const char* MethodOf(TechniqueSet techniques) {
+  if (techniques.Has(Technique::kMerging)) {
+    return "paths from the camera and from lights, merged where the camera sees light by mirrors "
+           "and smooth glass";
+  }
   if (techniques.Has(Technique::kLightPathsAlone)) {
     return "paths from lights, and from the camera where those find no light";
   }

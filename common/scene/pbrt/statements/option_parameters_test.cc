@@ -45,7 +45,7 @@ std::vector<IntegratorCase> OtherIntegrators() {
         {"float largestepprobability", "0.5"},
         {"float sigma", "0.5"}}},
       {"sppm",
-       TechniqueSet::kCameraAndLight,
+       TechniqueSet::kCameraAndLight.With(Technique::kMerging),
        {{"integer photonsperiteration", "9"}, {"float radius", "0.5"}, {"integer seed", "9"}}},
       {"lightpath", TechniqueSet::kLight},
       {"simplepath",
