@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "worker/render/light/light_choice.h"
+#include "worker/render/light/choice/light_choice.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::cli {

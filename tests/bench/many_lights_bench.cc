@@ -18,7 +18,7 @@
 
 #include "common/math/elementary.h"
 #include "tests/bench/measures.h"
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_tree.h"
 #include "worker/render/light/shape_sampling.h"
 #include "worker/render/sampling/discrete_distribution.h"
 #include "worker/render/sampling/sampler.h"

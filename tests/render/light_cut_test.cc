@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "tests/support/random_lights.h"
-#include "worker/render/light/light_choice.h"
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_choice.h"
+#include "worker/render/light/choice/light_tree.h"
 
 namespace sheaf::render {
 namespace {

@@ -303,7 +303,9 @@ TEST(LightEmissionChi2Test, RaysFromInfinityFollowTheirPdf) {
   for (const LightSetup& setup : setups.Infinite()) {
     SCOPED_TRACE(setup.name);
     if (setup.name == "distant") {
-      ExpectFollowsPdf(setup, DistantMap(-ToDouble(setup.table->impl().deltas[0].to_light)));
+      ExpectFollowsPdf(
+          setup,
+          DistantMap(-ToDouble(std::get<DistantEmitter>(setup.table->impl().deltas[0]).to_light)));
     } else if (setup.name == "portal") {
       ExpectFollowsPdf(setup, PortalMap());
     } else if (setup.name != "two skies") {

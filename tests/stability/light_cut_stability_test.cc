@@ -11,7 +11,7 @@
 
 #include "tests/support/hard_case.h"
 #include "tests/support/naive_lights.h"
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_tree.h"
 
 namespace sheaf::render {
 namespace {

@@ -15,8 +15,8 @@
 #include "tests/support/hard_case.h"
 #include "tests/support/light_tables.h"
 #include "tests/support/naive_lights.h"
-#include "worker/render/light/light_choice.h"
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_choice.h"
+#include "worker/render/light/choice/light_tree.h"
 #include "worker/render/light/shape_sampling.h"
 
 namespace sheaf::render {

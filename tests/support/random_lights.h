@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "common/math/vec.h"
-#include "worker/render/light/light_bounds.h"
-#include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/choice/light_bounds.h"
+#include "worker/render/light/choice/light_visibility_row.h"
 
 namespace sheaf::render {
 

@@ -37,7 +37,7 @@ ROOMS = {
     "coordinator/service/farm": "state < jobs < delivery < intake | upkeep | queries < .",
     "coordinator/service/http": "image < server < api < .",
     "coordinator/store": "database < .",
-    "worker/render": "traits < color < sampling < densities < geometry "
+    "worker/render": "traits < color < sampling < densities | light/choice < geometry "
                      "< accel | camera | bsdf | light < gather | guiding "
                      "< medium < material < plan < scene < integrator "
                      "< chains | eyes | mutations < . < ablation",
@@ -104,14 +104,11 @@ CLASS_SOURCES_MAX = 3
 HEADER_LINES_MAX = 300
 LONG_HEADERS = {
     "common/scene/scene_description.h": "the description of a scene, a list of plain structs",
-    "coordinator/service/farm/farm.h": "the calls of the farm, with their contracts",
     "coordinator/service/view/job_view.h": "each field of a view, twice: the member and its names",
     "coordinator/store/stored_rows.h": "each column of each table",
     "worker/render/bsdf/principled_at.h": "the lobes of one material, inlined into the integrator",
-    "worker/render/geometry/surface_point.h": "a template over traits, inlined into the integrator",
     "worker/render/integrator/surface_vertex.h": "a template over the configuration",
     "worker/render/integrator/two_ends.h": "a template over the configuration",
-    "worker/render/light/light_table.h": "templates over color and time, inlined",
     "worker/render/medium/medium.h": "templates over color, inlined",
 }
 

@@ -19,7 +19,7 @@ std::string WhyNoSharing(const FrameSettings& settings) {
   if (mutates && settings.IsStereo()) {
     return "the eyes of a stereo frame share no mutations; remove --stereo or the mutations";
   }
-  if (!(settings.window == PixelRect{0, 0, settings.width_px, settings.height_px})) {
+  if (!IsWholeFilm(settings)) {
     return absl::StrCat("a frame whose ", who, " share paths is rendered whole; remove the crop");
   }
   const TechniqueSet others = settings.techniques.Without(Technique::kSharing);

@@ -22,6 +22,11 @@ inline bool HasOneTile(const FrameSettings& settings) {
   return settings.IsStereo() || ReachesFarPixels(settings.techniques);
 }
 
+// Whether the frame has no crop. For a stereo frame, before or after its film is doubled.
+inline bool IsWholeFilm(const FrameSettings& settings) {
+  return settings.window == PixelRect{0, 0, settings.width_px, settings.height_px};
+}
+
 // Why the settings cannot be those of a frame whose pixels or eyes share paths: a crop, other
 // techniques, several light samples, outputs beside the image. Empty if they can. Requires:
 // HasOneTile(settings).

@@ -11,10 +11,6 @@
 namespace sheaf {
 namespace {
 
-bool IsWholeFilm(const FrameSettings& settings) {
-  return settings.window == PixelRect{0, 0, settings.width_px, settings.height_px};
-}
-
 absl::Status Refused(const std::string& why) {
   return absl::InvalidArgumentError(absl::StrCat("--stereo: ", why));
 }

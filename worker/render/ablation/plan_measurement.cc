@@ -15,7 +15,7 @@
 #include "absl/strings/str_format.h"
 #include "common/base/check.h"
 #include "worker/render/ablation/ablate.h"
-#include "worker/render/light/light_choice.h"
+#include "worker/render/light/choice/light_choice.h"
 #include "worker/render/tile_pass.h"
 
 namespace sheaf::render {

@@ -60,6 +60,19 @@ bool HasMasks(const SceneGeometry& geometry) {
   });
 }
 
+// The result of a search for the nearest hit, beside the hit.
+struct FoundNearest {
+  bool is_hit = false;
+  bool passes_beside = false;  // The ray passes beside the triangle that it hits.
+};
+
+// The result of a search for any hit.
+struct FoundAny {
+  bool is_hidden = false;
+  bool is_undecided = false;  // Only the nearest hit tells whether there is one.
+  bool met_passable = false;  // It is hidden by a surface that may let the ray pass.
+};
+
 }  // namespace
 
 struct EmbreeScene::State {
@@ -115,6 +128,24 @@ struct EmbreeScene::State {
   void AddCurves(const GeometryGroup& group, RTCScene scene);
   void AddPlaced(const SceneGeometry& geometry, PlacedList* list) const;
   absl::Status BuildGroup(const SceneGeometry& geometry, size_t index);
+
+  // The nearest hit, without those that rounding lets pass at a vertex (LeaksAtEdge).
+  bool Trace(const Ray& ray, RawHit* hit) const;
+  // The nearest hit as the tracer has it. passed: triangles to ignore, or null.
+  FoundNearest TraceOnce(const Ray& ray, RawHit* hit,
+                         const PassedTriangles* passed = nullptr) const;
+  // start: the contact that the ray leaves, or null.
+  FoundNearest TraceFrom(const Contact* start, const PassedTriangles* passed, const Ray& ray,
+                         RawHit* hit) const;
+  // Whether the ray meets *hit, or what is behind it, where the ray passes beside its triangle.
+  bool TraceBeside(const Ray& ray, RawHit* hit) const;
+  // Whether there is no surface beside the edge of *hit that the ray passes outside of.
+  bool IsOpenBeside(const Ray& ray, const RawHit& hit) const;
+  FoundAny SearchAny(const Ray& ray, bool ends_at_passable) const;
+  FoundAny SearchAnyFrom(const Contact* start, const Ray& ray, bool ends_at_passable) const;
+  // Whether an unbounded ray that hit nothing passes through the tracer's rounding at a vertex
+  // (leak_guard.h): sets the hit there.
+  bool LeaksAtEdge(const Ray& ray, RawHit* hit) const;
 };
 
 void EmbreeScene::State::AddMeshes(const GeometryGroup& group, RTCScene scene) {
@@ -243,104 +274,97 @@ absl::StatusOr<std::unique_ptr<EmbreeScene>> EmbreeScene::Build(const SceneGeome
 
 void EmbreeScene::NoteOutsideIsDark() { state_->leak_guard.NoteOutsideIsDark(); }
 
-[[gnu::always_inline]] inline bool EmbreeScene::TraceFrom(const Contact* start,
-                                                          const PassedTriangles* passed,
-                                                          const Ray& ray, RawHit* hit,
-                                                          bool* passes_beside) const {
+[[gnu::always_inline]] inline FoundNearest EmbreeScene::State::TraceFrom(
+    const Contact* start, const PassedTriangles* passed, const Ray& ray, RawHit* hit) const {
   RTCRayHit ray_hit;
   ray_hit.ray = ToRtc(ray);
   ClearHit(&ray_hit.hit);
-  const TraceContext context(*state_->described, state_->plane_bound, ray, start, passed);
+  const TraceContext context(*described, plane_bound, ray, start, passed);
   ray_hit.ray.tfar = context.SearchEndOf();
-  TraceNearest(state_->scenes[0], &context, &ray_hit);
-  if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
+  TraceNearest(scenes[0], &context, &ray_hit);
+  if (ray_hit.hit.geomID == RTC_INVALID_GEOMETRY_ID) return {};
   Settle(context, &ray_hit);
   *hit = {context.nearest.t,
           ray_hit.hit.u,
           ray_hit.hit.v,
           {ray_hit.hit.geomID, ray_hit.hit.primID, ray_hit.hit.instID[0]},
           context.nearest.contact};
-  *passes_beside = context.passes_beside;
-  return true;
+  return {true, context.passes_beside};
 }
 
-[[gnu::always_inline]] inline bool EmbreeScene::TraceOnce(const Ray& ray,
-                                                          const PassedTriangles* passed,
-                                                          RawHit* hit, bool* passes_beside) const {
+[[gnu::always_inline]] inline FoundNearest EmbreeScene::State::TraceOnce(
+    const Ray& ray, RawHit* hit, const PassedTriangles* passed) const {
   if (!(ray.contact > 0)) [[likely]]
-    return TraceFrom(nullptr, passed, ray, hit, passes_beside);
-  const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
-  if (!TraceFrom(start ? &*start : nullptr, passed, ray, hit, passes_beside)) return false;
+    return TraceFrom(nullptr, passed, ray, hit);
+  const std::optional<Contact> start = ContactOfSource(*described, ray);
+  const FoundNearest found = TraceFrom(start ? &*start : nullptr, passed, ray, hit);
   // The hit was not compared with the surface that the ray left.
-  if (start && hit->contact < ray.contact) {
-    const std::optional<Contact> met = ContactAt(*state_->described, ray, *hit);
+  if (found.is_hit && start && hit->contact < ray.contact) {
+    const std::optional<Contact> met = ContactAt(*described, ray, *hit);
     if (met && AreOnePlace(*start, *met, ToDouble(ray.d))) hit->contact = ray.contact;
   }
-  return true;
+  return found;
 }
 
-bool EmbreeScene::Trace(const Ray& ray, RawHit* hit) const {
-  bool passes_beside = false;
-  if (!TraceOnce(ray, nullptr, hit, &passes_beside)) return false;
-  return !passes_beside || TraceBeside(ray, hit);
+bool EmbreeScene::State::Trace(const Ray& ray, RawHit* hit) const {
+  const FoundNearest found = TraceOnce(ray, hit);
+  if (!found.is_hit) return false;
+  return !found.passes_beside || TraceBeside(ray, hit);
 }
 
-bool EmbreeScene::IsOpenBeside(const Ray& ray, const RawHit& hit) const {
-  const Vec3f o = Abs(ray.o);
-  const float origin_reach = std::max(o.x, std::max(o.y, o.z)) / Length(ray.d);
+bool EmbreeScene::State::IsOpenBeside(const Ray& ray, const RawHit& hit) const {
+  const float origin_reach = ReachOfOrigin(ray) / Length(ray.d);
   for (const float turn_radians : kTurnsRadians) {
     const float near = kNeighborSlope * turn_radians * (hit.t + origin_reach);
     const auto is_near = [&](const RawHit& beside) { return beside.t - hit.t <= near; };
     RawHit beside;
-    bool passes_beside = false;
-    const Ray turned = BesideEdge(*state_->described, ray, hit, turn_radians);
-    if (!TraceOnce(turned, nullptr, &beside, &passes_beside)) continue;
+    if (!TraceOnce(BesideEdge(*described, ray, hit, turn_radians), &beside).is_hit) continue;
     if (is_near(beside)) return false;
     // Where the surface is seen edge-on, the turned ray meets it far behind.
-    if (state_->leak_guard.TouchesAtEdge(ray, &beside) && is_near(beside)) return false;
+    if (leak_guard.TouchesAtEdge(ray, &beside) && is_near(beside)) return false;
   }
   return true;
 }
 
-bool EmbreeScene::TraceBeside(const Ray& ray, RawHit* hit) const {
+bool EmbreeScene::State::TraceBeside(const Ray& ray, RawHit* hit) const {
   PassedTriangles passed;
   while (passed.count < PassedTriangles::kCountMax && IsOpenBeside(ray, *hit)) {
     passed.ids[passed.count++] = hit->id;
-    bool passes_beside = false;
-    if (!TraceOnce(ray, &passed, hit, &passes_beside)) return false;
-    if (!passes_beside) return true;
+    const FoundNearest found = TraceOnce(ray, hit, &passed);
+    if (!found.is_hit) return false;
+    if (!found.passes_beside) return true;
   }
   return true;
 }
 
-[[gnu::always_inline]] inline EmbreeScene::AnyHit EmbreeScene::SearchAnyFrom(
+[[gnu::always_inline]] inline FoundAny EmbreeScene::State::SearchAnyFrom(
     const Contact* start, const Ray& ray, bool ends_at_passable) const {
   RTCRay r = ToRtc(ray);
-  TraceContext context(*state_->described, state_->plane_bound, ray, start);
+  TraceContext context(*described, plane_bound, ray, start);
   context.ends_at_passable = ends_at_passable;
   r.tfar = context.SearchEndOf();
-  TraceAny(state_->scenes[0], &context, &r);
+  TraceAny(scenes[0], &context, &r);
   return {r.tfar < 0, context.is_undecided, context.met_passable};
 }
 
-[[gnu::always_inline]] inline EmbreeScene::AnyHit EmbreeScene::SearchAny(
-    const Ray& ray, bool ends_at_passable) const {
+[[gnu::always_inline]] inline FoundAny EmbreeScene::State::SearchAny(const Ray& ray,
+                                                                     bool ends_at_passable) const {
   if (!(ray.contact > 0)) [[likely]]
     return SearchAnyFrom(nullptr, ray, ends_at_passable);
-  const std::optional<Contact> start = ContactOfSource(*state_->described, ray);
+  const std::optional<Contact> start = ContactOfSource(*described, ray);
   return SearchAnyFrom(start ? &*start : nullptr, ray, ends_at_passable);
 }
 
-bool EmbreeScene::LeaksAtEdge(const Ray& ray, RawHit* hit) const {
+bool EmbreeScene::State::LeaksAtEdge(const Ray& ray, RawHit* hit) const {
   if (ray.t_max < std::numeric_limits<float>::infinity()) return false;
-  if (!state_->leak_guard.MayLeak(ray)) return false;
+  if (!leak_guard.MayLeak(ray)) return false;
   RawHit beside;
   const auto hits_beside = [&](int attempt) {
     const Ray nudged = NudgedRay(ray, attempt);
     if (Trace(nudged, &beside)) return true;
     for (int widening = 1; widening <= kWideningsMax; ++widening) {
       if (Trace(NudgedRay(ray, attempt, widening), &beside) &&
-          state_->leak_guard.TouchesAtEdge(nudged, &beside)) {
+          leak_guard.TouchesAtEdge(nudged, &beside)) {
         return true;
       }
     }
@@ -356,7 +380,7 @@ bool EmbreeScene::LeaksAtEdge(const Ray& ray, RawHit* hit) const {
       if (is_wide) return false;
       continue;
     }
-    if (touches || !state_->leak_guard.TouchesAtEdge(ray, &beside)) continue;
+    if (touches || !leak_guard.TouchesAtEdge(ray, &beside)) continue;
     touches = true;
     *hit = beside;
   }
@@ -364,22 +388,22 @@ bool EmbreeScene::LeaksAtEdge(const Ray& ray, RawHit* hit) const {
 }
 
 bool EmbreeScene::Intersect(const Ray& ray, RawHit* hit) const {
-  return Trace(ray, hit) || LeaksAtEdge(ray, hit);
+  return state_->Trace(ray, hit) || state_->LeaksAtEdge(ray, hit);
 }
 
 bool EmbreeScene::Occluded(const Ray& ray) const {
-  const AnyHit found = SearchAny(ray, /*ends_at_passable=*/false);
+  const FoundAny found = state_->SearchAny(ray, /*ends_at_passable=*/false);
   RawHit hit;
   if (found.is_undecided && !found.is_hidden) [[unlikely]]
     return Intersect(ray, &hit);
-  return found.is_hidden || LeaksAtEdge(ray, &hit);
+  return found.is_hidden || state_->LeaksAtEdge(ray, &hit);
 }
 
 Passage EmbreeScene::PassageOf(const Ray& ray) const {
-  const AnyHit found = SearchAny(ray, /*ends_at_passable=*/true);
+  const FoundAny found = state_->SearchAny(ray, /*ends_at_passable=*/true);
   if (found.is_hidden) return found.met_passable ? Passage::kUnknown : Passage::kBlocked;
   RawHit hit;
-  return found.is_undecided || LeaksAtEdge(ray, &hit) ? Passage::kUnknown : Passage::kOpen;
+  return found.is_undecided || state_->LeaksAtEdge(ray, &hit) ? Passage::kUnknown : Passage::kOpen;
 }
 
 uint64_t EmbreeScene::Replay(const std::vector<RecordedRay>& rays) const {

@@ -30,9 +30,6 @@
 
 namespace sheaf::render {
 
-struct Contact;
-struct PassedTriangles;
-
 struct RecordedRay {
   Ray ray;
   bool is_shadow = false;
@@ -71,30 +68,7 @@ class EmbreeScene {
 
  private:
   EmbreeScene();
-  // Without those that rounding lets pass at a vertex (LeaksAtEdge).
-  bool Trace(const Ray& ray, RawHit* hit) const;
-  // As the tracer has it: *passes_beside is whether the ray passes beside the triangle that it
-  // hits. passed: triangles to ignore, or null.
-  bool TraceOnce(const Ray& ray, const PassedTriangles* passed, RawHit* hit,
-                 bool* passes_beside) const;
-  // start: the contact that the ray leaves, or null.
-  bool TraceFrom(const Contact* start, const PassedTriangles* passed, const Ray& ray, RawHit* hit,
-                 bool* passes_beside) const;
-  // Whether the ray meets *hit, or what is behind it, where the ray passes beside its triangle.
-  bool TraceBeside(const Ray& ray, RawHit* hit) const;
-  // Whether there is no surface beside the edge of *hit that the ray passes outside of.
-  bool IsOpenBeside(const Ray& ray, const RawHit& hit) const;
-  // The result of a search for any hit. is_undecided: only the nearest hit tells whether there is
-  // one.
-  struct AnyHit {
-    bool is_hidden = false, is_undecided = false;
-    bool met_passable = false;  // It is hidden by a surface that may let the ray pass.
-  };
-  AnyHit SearchAny(const Ray& ray, bool ends_at_passable) const;
-  AnyHit SearchAnyFrom(const Contact* start, const Ray& ray, bool ends_at_passable) const;
-  // Whether an unbounded ray that hit nothing passes through the tracer's rounding at a vertex
-  // (leak_guard.h): sets the hit there.
-  bool LeaksAtEdge(const Ray& ray, RawHit* hit) const;
+
   struct State;
   std::unique_ptr<State> state_;
 };

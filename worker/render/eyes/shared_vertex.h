@@ -190,17 +190,22 @@ bool ScatterForAll(const Context<C>& c, const SharedVertex<C>& shared, double ow
   return true;
 }
 
+// The rays of the view's film that may begin the path, as a density.
+inline double RaysOfView(const PathSharing& sharing, const ViewsOfPoint& views, int32_t v) {
+  const Sight& sight = views.entries[static_cast<size_t>(v)].sight;
+  const bool in_own_pixel = v == 0 && !sharing.by_filter;
+  return in_own_pixel ? sight.density : sight.pixels;
+}
+
 // The views of the shift, with the emission of the vertex that NextVertex found.
 template <typename C>
 void StartShift(const Context<C>& c, const PathSharing& sharing, const ViewsOfPoint& views,
                 const SharedVertex<C>& shared, const PathState<C>& path, PathShift<C>* shift) {
   using Color = typename C::Color;
-  shift->count = views.count;
   for (int32_t v = 0; v < views.count; ++v) {
     const ViewsOfPoint::Entry& entry = views.entries[static_cast<size_t>(v)];
     const SurfacePoint& seen = shared.Seen(v).point;
-    const bool in_own_pixel = v == 0 && !sharing.by_filter;
-    const double rays = in_own_pixel ? entry.sight.density : entry.sight.pixels;
+    const double rays = RaysOfView(sharing, views, v);
     const double part = rays * entry.sight.weight;
     Color emission;
     if (v == 0) {
@@ -237,6 +242,20 @@ bool ScatterShared(const Context<C>& c, const PathSharing& sharing, const Shared
   return ScatterForAll(c, shared, own_alone, shift, path);
 }
 
+// The path arrives at a vertex: shares what it finds with the other views that see it, if there are
+// any. start(shared): sets the views of *shift. False where the path ends.
+template <typename C, typename Start>
+bool ScatterSeenBy(const Context<C>& c, const PathSharing& sharing, const ViewsOfPoint& views,
+                   SurfaceVertex<C>& vertex, const Start& start, PathShift<C>* shift,
+                   PathState<C>* path, FilmSample* film) {
+  if (views.count < 2) return ScatterAt(c, vertex, path, film);
+  if (!vertex.Arrive(c, path, film)) return false;
+  const SharedVertex<C> shared(c, vertex, views);
+  shift->count = views.count;
+  start(shared);
+  return ScatterShared(c, sharing, shared, shift, path);
+}
+
 // The path arrives at its first vertex, a surface, with nothing in between: shares what it finds
 // with the other views of its set that may see it, and sets *shift. False where the path ends.
 template <typename C>
@@ -250,11 +269,10 @@ bool ScatterFirst(const Context<C>& c, const PathSharing& sharing, const PathOri
     };
     FindViews(c, sharing, origin, vertex.point, path->ray.time, see, &views);
   }
-  if (views.count < 2) return ScatterAt(c, vertex, path, film);
-  if (!vertex.Arrive(c, path, film)) return false;
-  const SharedVertex<C> shared(c, vertex, views);
-  StartShift(c, sharing, views, shared, *path, shift);
-  return ScatterShared(c, sharing, shared, shift, path);
+  const auto start = [&](const SharedVertex<C>& shared) {
+    StartShift(c, sharing, views, shared, *path, shift);
+  };
+  return ScatterSeenBy(c, sharing, views, vertex, start, shift, path, film);
 }
 
 }  // namespace sheaf::render

@@ -168,14 +168,12 @@ template <typename C>
 void StartShiftBehind(const PathSharing& sharing, const ViewsOfPoint& views, PathShift<C>* shift,
                       PathState<C>* path) {
   using Color = typename C::Color;
-  shift->count = views.count;
   shift->is_behind_prefix = true;
   shift->alone = path->radiance;
   const float carried = MaxComponent(path->throughput);
   for (int32_t v = 0; v < views.count; ++v) {
     const ViewsOfPoint::Entry& entry = views.entries[static_cast<size_t>(v)];
-    const bool in_own_pixel = v == 0 && !sharing.by_filter;
-    const double rays = in_own_pixel ? entry.sight.density : entry.sight.pixels;
+    const double rays = RaysOfView(sharing, views, v);
     auto& view = shift->views[static_cast<size_t>(v)];
     const Color through = view.through * (1 / carried);
     view = {entry.eye, entry.sight.film, {},      0,      rays * entry.sight.weight,
@@ -196,11 +194,8 @@ bool ScatterBehind(const Context<C>& c, const PathSharing& sharing, const Specul
     FindViewsBehind(c, sharing, prefix, own, path->ray.d, path->throughput, survival, vertex.point,
                     &views, shift);
   }
-  if (views.count < 2) return ScatterAt(c, vertex, path, film);
-  if (!vertex.Arrive(c, path, film)) return false;
-  const SharedVertex<C> shared(c, vertex, views);
-  StartShiftBehind(sharing, views, shift, path);
-  return ScatterShared(c, sharing, shared, shift, path);
+  const auto start = [&](const SharedVertex<C>&) { StartShiftBehind(sharing, views, shift, path); };
+  return ScatterSeenBy(c, sharing, views, vertex, start, shift, path, film);
 }
 
 // Follows a path to its end whose first vertex is specular. wavelengths: those at the camera.

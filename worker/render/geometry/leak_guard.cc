@@ -24,9 +24,8 @@ float LengthOf(Vec3f d) { return static_cast<float>(Length(ToDouble(d))); }
 // The ray turned by `step` radians to a side, a unit vector across it. The tracer's rounding grows
 // with the coordinates as well as with the distance, so that the origin moves too.
 Ray TurnedTo(const Ray& ray, Vec3f side, float step) {
-  const Vec3f o = render::Abs(ray.o);
   Ray turned = ray;
-  turned.o = ray.o + (step * std::max(o.x, std::max(o.y, o.z))) * side;
+  turned.o = ray.o + (step * ReachOfOrigin(ray)) * side;
   turned.d = ray.d + (step * LengthOf(ray.d)) * side;
   return turned;
 }

@@ -9,6 +9,7 @@
 // is open. See docs/adr/0006.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <vector>
 
@@ -55,6 +56,12 @@ inline constexpr int kWideningsMax = 2;
 // than most holes are wide; then by 2^-21, to find the smaller triangles about the ray. Each
 // widening doubles that. A pure function of its arguments.
 Ray NudgedRay(const Ray& ray, int attempt, int widening = 0);
+
+// The largest coordinate of the ray's origin, with which the tracer's rounding grows.
+inline float ReachOfOrigin(const Ray& ray) {
+  const Vec3f o = render::Abs(ray.o);
+  return std::max(o.x, std::max(o.y, o.z));
+}
 
 // The ray turned by `turn_radians`, and moved by as much of its coordinates, away from the triangle
 // of `hit`, across the edge that the ray passes outside of. Requires: the hit is one of a mesh.

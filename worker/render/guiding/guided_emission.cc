@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "worker/render/light/light_radiance.h"
+#include "worker/render/sampling/directions.h"
 #include "worker/render/sampling/equal_area_map.h"
 
 namespace sheaf::render {

@@ -11,7 +11,7 @@
 #include "worker/render/guiding/contribution_field.h"
 #include "worker/render/guiding/emission_field.h"
 #include "worker/render/guiding/guiding_field.h"
-#include "worker/render/light/light_visibility.h"
+#include "worker/render/light/choice/light_visibility.h"
 
 namespace sheaf::render {
 

@@ -17,8 +17,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "worker/render/light/light_choice.h"
-#include "worker/render/light/light_visibility.h"
+#include "worker/render/light/choice/light_choice.h"
+#include "worker/render/light/choice/light_visibility.h"
 
 namespace sheaf::render {
 

@@ -19,7 +19,7 @@
 #include "worker/render/guiding/guiding_field.h"
 #include "worker/render/guiding/guiding_sink.h"
 #include "worker/render/guiding/light_rows.h"
-#include "worker/render/light/light_visibility.h"
+#include "worker/render/light/choice/light_visibility.h"
 
 namespace sheaf::render {
 

@@ -14,7 +14,7 @@
 #include "worker/render/bsdf/fresnel.h"
 #include "worker/render/bsdf/microfacet.h"
 #include "worker/render/integrator/context.h"
-#include "worker/render/light/lobe_sketch.h"
+#include "worker/render/light/choice/lobe_sketch.h"
 
 namespace sheaf::render {
 

@@ -23,7 +23,7 @@
 #include "common/scene/settings/render_settings.h"
 #include "worker/render/integrator/context.h"
 #include "worker/render/integrator/guided_directions.h"
-#include "worker/render/light/light_choice.h"
+#include "worker/render/light/choice/light_choice.h"
 
 namespace sheaf::render {
 

@@ -17,7 +17,6 @@
 #include "worker/render/integrator/medium_boundaries.h"
 #include "worker/render/integrator/two_ends.h"
 #include "worker/render/integrator/visibility.h"
-#include "worker/render/light/light_radiance.h"
 
 namespace sheaf::render {
 

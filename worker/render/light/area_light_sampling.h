@@ -137,4 +137,19 @@ void AddDetail(const LightTable::Impl& impl, uint32_t emitter,
   sample->cut_out = detail->cut_out;
 }
 
+// Sets where a ray begins, at a sampled point of the emitter, and its power. Requires: ray->w.
+// Ray: EmittedRayOf<Color>.
+template <typename Color, typename Ray>
+void BeginAt(const LightTable::Impl& impl, uint32_t emitter,
+             const WavelengthsOf<Color>& wavelengths, LightSampleOf<Color> point, Ray* ray) {
+  AddDetail<Color>(impl, emitter, wavelengths, &point);
+  ray->p = point.p_light;
+  ray->p_error = point.p_light_error;
+  ray->n = point.n_light;
+  ray->power = point.radiance * std::fabs(Dot(ray->n, ray->w));
+  ray->is_unseen = point.is_delta;
+  ray->cut_out = point.cut_out;
+  ray->uv = point.uv;
+}
+
 }  // namespace sheaf::render

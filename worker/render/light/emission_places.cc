@@ -4,10 +4,10 @@
 // Rays of lights by their places, and the places of rays.
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "common/math/frame.h"
 #include "worker/render/light/area_light_sampling.h"
-#include "worker/render/light/emitter_shapes.h"
 #include "worker/render/light/light_emission.h"
 #include "worker/render/light/light_radiance.h"
 #include "worker/render/sampling/equal_area_map.h"
@@ -133,8 +133,7 @@ EmissionAxes LightEmission::AxesOf(uint32_t light) const {
   const LightTable::Impl& impl = lights_->impl();
   if (light == lights_->light_count()) return {false, true};
   if (light < impl.first_delta() || light >= impl.first_infinite()) return {true, true};
-  const bool is_distant =
-      impl.deltas[light - impl.first_delta()].kind == DeltaLight::Kind::kDistant;
+  const bool is_distant = IsDistant(impl.deltas[light - impl.first_delta()]);
   return {is_distant, !is_distant};
 }
 
@@ -144,7 +143,7 @@ void LightEmission::PlaceOnSurface(uint32_t light, const EmissionPlace& place,
                                    EmittedRayOf<Color>* ray) const {
   const LightTable::Impl& impl = lights_->impl();
   LightSampleOf<Color> point;
-  WithEmitter(impl, light, [&](const auto& emitter) {
+  impl.VisitSurface(light, [&](const auto& emitter) {
     const auto radiance = impl.ColorOfEmission(emitter.radiance, wavelengths);
     if constexpr (std::is_same_v<std::decay_t<decltype(emitter)>, SphereEmitter>) {
       ray->w = ToFloat(EqualAreaSquareToSphere(place.direction()));
@@ -157,19 +156,12 @@ void LightEmission::PlaceOnSurface(uint32_t light, const EmissionPlace& place,
       point = AreaSample(ShapePoint{{}, emitter.center + emitter.radius * n, n}, radiance);
     } else {
       const Axes axes = AxesOfEmitter(emitter);
-      const OnSide side = SideOf(place.u[2], IsInward(emitter), emitter.two_sided);
+      const OnSide side = SideOf(place.u[2], emitter.IsInward(), emitter.two_sided);
       ray->w = DirectionAbout(axes, side.is_below, {side.along, place.u[3]});
       point = AreaSample(PointOn(emitter, axes, place.position()), radiance);
     }
   });
-  AddDetail<Color>(impl, light, wavelengths, &point);
-  ray->p = point.p_light;
-  ray->p_error = point.p_light_error;
-  ray->n = point.n_light;
-  ray->power = point.radiance * std::fabs(Dot(ray->n, ray->w));
-  ray->is_unseen = point.is_delta;
-  ray->cut_out = point.cut_out;
-  ray->uv = point.uv;
+  BeginAt<Color>(impl, light, wavelengths, point, ray);
 }
 
 template <typename Color>
@@ -190,17 +182,18 @@ std::optional<EmittedRayOf<Color>> LightEmission::RayAt(
     PlaceOnSurface<Color>(light, place, wavelengths, &ray);
     ray.pdf *= std::fabs(Dot(ToDouble(ray.n), ToDouble(ray.w)));
   } else if (light < impl.first_infinite()) {
-    const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
-    if (delta.kind == DeltaLight::Kind::kDistant) {
-      ray.w = -delta.to_light;
-      PlaceOnDisk(place.position(), &ray);
-      ray.power = impl.ColorOfEmission(delta.emission, wavelengths);
-      ray.is_infinite = true;
-    } else {
-      ray.w = ToFloat(EqualAreaSquareToSphere(place.direction()));
-      ray.p = ToFloat(delta.position);
-      ray.power = IntensityAlong<Color>(impl, delta, ray.w, wavelengths);
-    }
+    impl.VisitDelta(light, [&](const auto& delta) {
+      if constexpr (std::decay_t<decltype(delta)>::kIsDistant) {
+        ray.w = -delta.to_light;
+        PlaceOnDisk(place.position(), &ray);
+        ray.power = impl.ColorOfEmission(delta.emission, wavelengths);
+        ray.is_infinite = true;
+      } else {
+        ray.w = ToFloat(EqualAreaSquareToSphere(place.direction()));
+        ray.p = ToFloat(delta.position);
+        ray.power = IntensityAlong<Color>(impl, delta, ray.w, wavelengths);
+      }
+    });
     ray.p_error = RoundingErrorOf(ray.p);
   } else {
     const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
@@ -211,7 +204,7 @@ std::optional<EmittedRayOf<Color>> LightEmission::RayAt(
       ray.w = ToFloat(EqualAreaSquareToSphere(place.direction()));
       PlaceOnDisk(place.position(), &ray);
     }
-    ray.power = RadianceAt<Color>(impl, infinite, PlaceOf(infinite, -ray.w), wavelengths);
+    ray.power = RadianceAt<Color>(impl, infinite, infinite.PlaceOf(-ray.w), wavelengths);
     ray.p_error = RoundingErrorOf(ray.p);
     ray.is_infinite = true;
   }
@@ -228,7 +221,7 @@ EmissionPlace LightEmission::PlaceOfRay(uint32_t light, Vec3f p, Vec3f p_light, 
                                         Vec3f w) const {
   const LightTable::Impl& impl = lights_->impl();
   if (light < impl.first_delta()) {
-    return WithEmitter(impl, light, [&](const auto& emitter) {
+    return impl.VisitSurface(light, [&](const auto& emitter) {
       if constexpr (std::is_same_v<std::decay_t<decltype(emitter)>, SphereEmitter>) {
         return PlaceOfSphere(emitter, ToDouble(n), w);
       } else {
@@ -254,13 +247,12 @@ EmissionPlace LightEmission::PlaceOfRay(uint32_t light, Vec3f p, Vec3f p_light, 
 double LightEmission::PlaceDensity(uint32_t light) const {
   const LightTable::Impl& impl = lights_->impl();
   if (light < impl.first_delta()) {
-    return WithEmitter(impl, light, [](const auto& emitter) {
-      return 1 / (kPi * AreaOf(emitter) * (emitter.two_sided ? 2 : 1));
+    return impl.VisitSurface(light, [](const auto& emitter) {
+      return 1 / (kPi * emitter.Area() * (emitter.two_sided ? 2 : 1));
     });
   }
   if (light < impl.first_infinite()) {
-    const bool is_distant =
-        impl.deltas[light - impl.first_delta()].kind == DeltaLight::Kind::kDistant;
+    const bool is_distant = IsDistant(impl.deltas[light - impl.first_delta()]);
     return is_distant ? 1 / CrossSection() : kPerSteradian;
   }
   const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
@@ -271,13 +263,18 @@ double LightEmission::OwnDensity(uint32_t light, Vec3f w) const {
   const LightTable::Impl& impl = lights_->impl();
   if (light < impl.first_delta() || light == lights_->light_count()) return 1;
   if (light < impl.first_infinite()) {
-    const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
-    return delta.kind == DeltaLight::Kind::kDistant ? 1 : DirectionPdf(delta, w) / kPerSteradian;
+    return impl.VisitDelta(light, [&](const auto& delta) {
+      if constexpr (std::decay_t<decltype(delta)>::kIsDistant) {
+        return 1.0;
+      } else {
+        return delta.DirectionPdf(samplers_, w) / kPerSteradian;
+      }
+    });
   }
   const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
   if (infinite.portal) return kPi * infinite.portal->PdfOfRays(-w);
   if (!infinite.map) return 1;
-  return static_cast<double>(infinite.map->Pdf(PlaceOf(infinite, -w))) / kPerSteradian;
+  return static_cast<double>(infinite.map->Pdf(infinite.PlaceOf(-w))) / kPerSteradian;
 }
 
 }  // namespace sheaf::render

@@ -18,7 +18,7 @@
 
 #include "common/math/elementary.h"
 #include "common/math/vec.h"
-#include "worker/render/light/light_bounds.h"
+#include "worker/render/light/choice/light_bounds.h"
 
 namespace sheaf::render {
 

@@ -4,14 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "common/base/vector_bytes.h"
 #include "common/math/elementary.h"
 #include "common/math/frame.h"
-#include "worker/render/geometry/affine.h"
 #include "worker/render/light/area_light_sampling.h"
-#include "worker/render/light/emitter_shapes.h"
 #include "worker/render/light/light_radiance.h"
+#include "worker/render/sampling/directions.h"
 
 namespace sheaf::render {
 namespace {
@@ -20,27 +20,6 @@ namespace {
 constexpr double kRadiusSlack = 0x1p-20;
 
 // --- Surfaces ----------------------------------------------------------------------------------
-
-// Uniform by area. wi is unused.
-ShapePoint SampleArea(const TriangleEmitter& t, Vec2f u) {
-  const Vec3d v0 = ToDouble(t.v0), e1 = ToDouble(t.v1) - v0, e2 = ToDouble(t.v2) - v0;
-  const double root = std::sqrt(static_cast<double>(u.x));
-  const double b2 = static_cast<double>(u.y) * root;
-  return {{}, v0 + (root - b2) * e1 + b2 * e2, Normalize(Cross(e1, e2))};
-}
-ShapePoint SampleArea(const SphereEmitter& s, Vec2f u) {
-  const Vec3d n = Normalize(ToDouble(UniformDirection(u)));
-  return {{}, s.center + s.radius * n, n};
-}
-ShapePoint SampleArea(const DiskEmitter& d, Vec2f u) {
-  const double inner_squared = d.inner_radius * d.inner_radius;
-  const double r =
-      std::sqrt(inner_squared + static_cast<double>(u.x) * (d.radius * d.radius - inner_squared));
-  const SinCosPair<double> phi = SinCos(2 * kPi * static_cast<double>(u.y));
-  return {{},
-          d.center + (r * phi.cos) * d.axis_x + (r * phi.sin) * Cross(d.normal, d.axis_x),
-          d.normal};
-}
 
 // By the cosine with n. Source: Malley's method, Pharr, Jakob and Humphreys, sec. 13.6.3.
 Vec3f CosineDirection(Vec3f n, Vec2d u) {
@@ -62,17 +41,7 @@ Vec3f EmittedDirection(Vec3f n, bool inward, bool two_sided, Vec2f u) {
   return CosineDirection(below ? -n : n, v);
 }
 
-// --- Lights without a surface ------------------------------------------------------------------
-
-Affine LightFromRender(const DeltaLight& light) {
-  const Vec3d x = ToDouble(light.light_from_render[0]), y = ToDouble(light.light_from_render[1]),
-              z = ToDouble(light.light_from_render[2]);
-  return {{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}, {}};
-}
-
 bool IsUsable(double pdf) { return pdf > 0 && std::isfinite(pdf); }
-
-double LuminanceOf(Rgb color) { return static_cast<double>(StrengthOf(color)); }
 
 }  // namespace
 
@@ -80,14 +49,16 @@ LightEmission::LightEmission(const LightTable& lights, Vec3d center, double radi
                              double media_power)
     : lights_(&lights), center_(center), radius_(radius * (1 + kRadiusSlack)) {
   const LightTable::Impl& impl = lights.impl();
-  for (const IntensityDistribution& distribution : impl.intensities) {
+  for (const IntensityDistribution& distribution : impl.light_maps.intensities) {
     if (const auto* map = std::get_if<IntensityMap>(&distribution)) {
-      intensities_.emplace_back(MapDirections(*map));
+      samplers_.intensities.emplace_back(MapDirections(*map));
     } else {
-      intensities_.emplace_back(WebDirections(std::get<PhotometricWeb>(distribution)));
+      samplers_.intensities.emplace_back(WebDirections(std::get<PhotometricWeb>(distribution)));
     }
   }
-  for (const ProjectedImage& image : impl.projected_images) images_.emplace_back(image);
+  for (const ProjectedImage& image : impl.light_maps.projected) {
+    samplers_.projected.emplace_back(image);
+  }
   std::vector<double> powers(lights.light_count());
   for (uint32_t light = 0; light < powers.size(); ++light) {
     const double power = PowerOf(light);
@@ -105,11 +76,13 @@ LightEmission::LightEmission(const LightTable& lights, Vec3d center, double radi
 }
 
 uint64_t LightEmission::memory_bytes() const {
-  uint64_t bytes = VectorBytes(intensities_, images_) + choice_.size_bytes();
-  for (const auto& directions : intensities_) {
+  uint64_t bytes = VectorBytes(samplers_.intensities, samplers_.projected) + choice_.size_bytes();
+  for (const auto& directions : samplers_.intensities) {
     bytes += std::visit([](const auto& d) { return d.memory_bytes(); }, directions);
   }
-  for (const ImageDirections& directions : images_) bytes += directions.memory_bytes();
+  for (const ImageDirections& directions : samplers_.projected) {
+    bytes += directions.memory_bytes();
+  }
   return bytes;
 }
 
@@ -119,79 +92,8 @@ double LightEmission::CrossSection() const { return kPi * radius_ * radius_; }
 
 double LightEmission::PowerOf(uint32_t light) const {
   const LightTable::Impl& impl = lights_->impl();
-  if (light < impl.first_delta()) {
-    return WithEmitter(impl, light, [](const auto& emitter) {
-      const double area = AreaOf(emitter);
-      const double sides = emitter.two_sided ? 2 : 1;
-      return area > 0 ? kPi * area * sides * LuminanceOf(emitter.radiance.rgb) : 0.0;
-    });
-  }
-  if (light < impl.first_infinite()) return PowerOf(impl.deltas[light - impl.first_delta()]);
-  return PowerOf(impl.infinites[light - impl.first_infinite()]);
-}
-
-double LightEmission::PowerOf(const DeltaLight& light) const {
-  const LightTable::Impl& impl = lights_->impl();
-  const double strength = LuminanceOf(light.emission.rgb);
-  switch (light.kind) {
-    case DeltaLight::Kind::kPoint:
-      return 4 * kPi * strength;
-    case DeltaLight::Kind::kSpot:
-      return SpotOf(light).Integral() * strength;
-    case DeltaLight::Kind::kDistant:
-      return CrossSection() * strength;
-    case DeltaLight::Kind::kGoniometric:
-      return 4 * kPi * strength *
-             std::visit([](const auto& d) { return d.mean(); }, impl.intensities[light.image]);
-    case DeltaLight::Kind::kProjection:
-      return impl.projected_images[light.image].Power() * strength;
-  }
-  return 0;
-}
-
-double LightEmission::PowerOf(const InfiniteEmitter& light) const {
-  const double mean =
-      light.map ? light.map->mean_luminance() * static_cast<double>(std::fabs(light.scale))
-                : LuminanceOf(light.radiance.rgb);
-  if (light.portal) return kPi * light.portal->Area() * mean;
-  return 4 * kPi * CrossSection() * mean;
-}
-
-// --- Directions --------------------------------------------------------------------------------
-
-SpotDirections LightEmission::SpotOf(const DeltaLight& light) const {
-  return SpotDirections(light.axis, light.cos_start, light.cos_end);
-}
-
-Vec3d LightEmission::DirectionFrom(const DeltaLight& light, Vec2f u) const {
-  switch (light.kind) {
-    case DeltaLight::Kind::kSpot:
-      return SpotOf(light).Sample(u);
-    case DeltaLight::Kind::kGoniometric:
-      return std::visit([&](const auto& d) { return d.Sample(u); }, intensities_[light.image]);
-    case DeltaLight::Kind::kProjection:
-      return images_[light.image].Sample(u);
-    default:
-      return ToDouble(UniformDirection(u));
-  }
-}
-
-// A linear map L takes the solid angle about the unit vector w to |det L| / |L w|^3 times that.
-double LightEmission::DirectionPdf(const DeltaLight& light, Vec3f w) const {
-  if (light.kind == DeltaLight::Kind::kPoint) return 1 / (4 * kPi);
-  if (light.kind == DeltaLight::Kind::kDistant) return 1;
-  const Affine light_from_render = LightFromRender(light);
-  const Vec3d in_light = light_from_render.Vector(ToDouble(w));
-  const double length = Length(in_light);
-  const double stretch = std::fabs(light_from_render.Determinant()) / (length * length * length);
-  if (light.kind == DeltaLight::Kind::kSpot) {
-    return stretch * SpotOf(light).Pdf(in_light / length);
-  }
-  // The vectors by which FalloffAlong and IntensityAlong choose the texel.
-  const Vec3f exact = Rotate(light.light_from_render, w);
-  if (light.kind == DeltaLight::Kind::kProjection) return stretch * images_[light.image].Pdf(exact);
-  return stretch * std::visit([&](const auto& d) { return d.Pdf(exact / Length(exact)); },
-                              intensities_[light.image]);
+  return impl.Visit(light,
+                    [&](const auto& kind) { return kind.Power(impl.light_maps, CrossSection()); });
 }
 
 // --- Rays --------------------------------------------------------------------------------------
@@ -215,39 +117,32 @@ void LightEmission::SampleSurface(uint32_t light, const EmissionUniforms& u,
                                   EmittedRayOf<Color>* ray) const {
   const LightTable::Impl& impl = lights_->impl();
   LightSampleOf<Color> point;
-  WithEmitter(impl, light, [&](const auto& emitter) {
-    point = AreaSample(SampleArea(emitter, u.position),
+  impl.VisitSurface(light, [&](const auto& emitter) {
+    point = AreaSample(emitter.SampleArea(u.position),
                        impl.ColorOfEmission(emitter.radiance, wavelengths));
-    ray->w = EmittedDirection(point.n_light, IsInward(emitter), emitter.two_sided, u.direction);
+    ray->w = EmittedDirection(point.n_light, emitter.IsInward(), emitter.two_sided, u.direction);
   });
-  AddDetail<Color>(impl, light, wavelengths, &point);
-  ray->p = point.p_light;
-  ray->p_error = point.p_light_error;
-  ray->n = point.n_light;
-  ray->power = point.radiance * std::fabs(Dot(ray->n, ray->w));
-  ray->is_unseen = point.is_delta;
-  ray->cut_out = point.cut_out;
-  ray->uv = point.uv;
+  BeginAt<Color>(impl, light, wavelengths, point, ray);
   ray->pdf = PdfLe(light, {}, ray->n, ray->w);
 }
 
 template <typename Color>
-void LightEmission::SampleDelta(const DeltaLight& light, const EmissionUniforms& u,
+void LightEmission::SampleDelta(uint32_t light, const EmissionUniforms& u,
                                 const WavelengthsOf<Color>& wavelengths,
                                 EmittedRayOf<Color>* ray) const {
   const LightTable::Impl& impl = lights_->impl();
-  if (light.kind == DeltaLight::Kind::kDistant) {
-    ray->w = -light.to_light;
-    ray->p = StartBefore(PointOnDisk(ray->w, u.position), ray->w);
-    ray->power = impl.ColorOfEmission(light.emission, wavelengths);
-    ray->is_infinite = true;
-  } else {
-    Vec3d w = DirectionFrom(light, u.direction);
-    if (light.kind != DeltaLight::Kind::kPoint) w = Inverse(LightFromRender(light)).Vector(w);
-    ray->w = ToFloat(Normalize(w));
-    ray->p = ToFloat(light.position);
-    ray->power = IntensityAlong<Color>(impl, light, ray->w, wavelengths);
-  }
+  impl.VisitDelta(light, [&](const auto& delta) {
+    if constexpr (std::decay_t<decltype(delta)>::kIsDistant) {
+      ray->w = -delta.to_light;
+      ray->p = StartBefore(PointOnDisk(ray->w, u.position), ray->w);
+      ray->power = impl.ColorOfEmission(delta.emission, wavelengths);
+      ray->is_infinite = true;
+    } else {
+      ray->w = ToFloat(Normalize(delta.SampleDirection(samplers_, u.direction)));
+      ray->p = ToFloat(delta.position);
+      ray->power = IntensityAlong<Color>(impl, delta, ray->w, wavelengths);
+    }
+  });
   ray->p_error = RoundingErrorOf(ray->p);
   ray->pdf = PdfLe(ray->light, {}, {}, ray->w);
 }
@@ -263,14 +158,14 @@ void LightEmission::SampleInfinite(const InfiniteEmitter& light, double probabil
     ray->w = -through.d;
     ray->p = StartBefore(through.p, ray->w);
     ray->pdf = probability * through.pdf;
-    place = PlaceOf(light, through.d);
+    place = light.PlaceOf(through.d);
   } else {
     double direction_pdf = 1 / (4 * kPi);
     if (light.map) {
       const EnvironmentMap::PlaceSample sample = light.map->Sample(u.direction);
       place = sample.place;
       direction_pdf = static_cast<double>(sample.pdf);
-      ray->w = -DirectionOf(light, place);
+      ray->w = -light.DirectionOf(place);
     } else {
       ray->w = UniformDirection(u.direction);
     }
@@ -306,7 +201,7 @@ std::optional<EmittedRayOf<Color>> LightEmission::SampleLeOf(
   if (ray.light < impl.first_delta()) {
     SampleSurface<Color>(ray.light, u, wavelengths, &ray);
   } else if (ray.light < impl.first_infinite()) {
-    SampleDelta<Color>(impl.deltas[ray.light - impl.first_delta()], u, wavelengths, &ray);
+    SampleDelta<Color>(ray.light, u, wavelengths, &ray);
   } else {
     SampleInfinite<Color>(impl.infinites[ray.light - impl.first_infinite()],
                           choice_.Probability(ray.light), u, wavelengths, &ray);
@@ -329,22 +224,24 @@ double LightEmission::PdfLe(uint32_t light, Vec3f p, Vec3f n, Vec3f w) const {
     return SurfaceDensity(light, cosine) * std::fabs(cosine);
   }
   if (light < impl.first_infinite()) {
-    const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
-    if (delta.kind == DeltaLight::Kind::kDistant) return probability / CrossSection();
-    return probability * DirectionPdf(delta, w);
+    return impl.VisitDelta(light, [&](const auto& delta) {
+      if constexpr (std::decay_t<decltype(delta)>::kIsDistant) {
+        return probability / CrossSection();
+      } else {
+        return probability * delta.DirectionPdf(samplers_, w);
+      }
+    });
   }
   const InfiniteEmitter& infinite = impl.infinites[light - impl.first_infinite()];
   if (infinite.portal) return probability * infinite.portal->PdfRay(p, -w);
-  const double direction_pdf =
-      infinite.map ? static_cast<double>(infinite.map->Pdf(PlaceOf(infinite, -w))) : 1 / (4 * kPi);
-  return probability * direction_pdf / CrossSection();
+  return probability * infinite.Pdf(infinite.PlaceOf(-w)) / CrossSection();
 }
 
 double LightEmission::SurfaceDensity(uint32_t light, double cosine) const {
-  return WithEmitter(lights_->impl(), light, [&](const auto& emitter) {
-    const double per_side = choice_.Probability(light) / (kPi * AreaOf(emitter));
+  return lights_->impl().VisitSurface(light, [&](const auto& emitter) {
+    const double per_side = choice_.Probability(light) / (kPi * emitter.Area());
     if (emitter.two_sided) return 0.5 * per_side;
-    return (IsInward(emitter) ? cosine < 0 : cosine > 0) ? per_side : 0;
+    return (emitter.IsInward() ? cosine < 0 : cosine > 0) ? per_side : 0;
   });
 }
 
@@ -359,10 +256,8 @@ double LightEmission::DensityAt(uint32_t light, Vec3f p, Vec3f p_light, Vec3f n,
   if (empty() || !(choice_.Probability(light) > 0)) return 0;
   if (IsSurface(light)) return SurfaceDensity(light, Dot(ToDouble(n), ToDouble(w)));
   const double pdf = PdfLe(light, p, n, w);
-  if (IsInfinite(light) || lights_->impl().deltas[light - lights_->impl().first_delta()].kind ==
-                               DeltaLight::Kind::kDistant) {
-    return pdf;
-  }
+  const LightTable::Impl& impl = lights_->impl();
+  if (IsInfinite(light) || IsDistant(impl.deltas[light - impl.first_delta()])) return pdf;
   const double d_squared = LengthSquared(ToDouble(p) - ToDouble(p_light));
   return d_squared > 0 ? pdf / d_squared : 0;
 }

@@ -20,17 +20,14 @@
 
 #include <cstdint>
 #include <optional>
-#include <variant>
-#include <vector>
 
+#include "worker/render/light/delta_lights.h"
 #include "worker/render/light/emission_place.h"
-#include "worker/render/light/intensity_sampling.h"
 #include "worker/render/light/light_table.h"
 #include "worker/render/sampling/discrete_distribution.h"
 
 namespace sheaf::render {
 
-struct DeltaLight;
 struct InfiniteEmitter;
 
 // Color: Rgb, or Spectral at the wavelengths of the path.
@@ -153,8 +150,6 @@ class LightEmission {
   // PdfLe over the cosine.
   double SurfaceDensity(uint32_t light, double cosine) const;
   double PowerOf(uint32_t light) const;
-  double PowerOf(const DeltaLight& light) const;
-  double PowerOf(const InfiniteEmitter& light) const;
   // Area perpendicular to the rays of lights at infinity.
   double CrossSection() const;
   // The point and the direction of RayAt for a surface.
@@ -164,17 +159,12 @@ class LightEmission {
   // The ray of a light at infinity through a point of the disk, along the ray's w.
   template <typename Color>
   void PlaceOnDisk(Vec2d position, EmittedRayOf<Color>* ray) const;
-  SpotDirections SpotOf(const DeltaLight& light) const;
-  // Unit, in the light's space.
-  Vec3d DirectionFrom(const DeltaLight& light, Vec2f u) const;
-  // Per solid angle in render space. w: unit, leaving the light.
-  double DirectionPdf(const DeltaLight& light, Vec3f w) const;
   // These set all of the ray but the light; SampleInfinite alone sets pdf, too.
   template <typename Color>
   void SampleSurface(uint32_t light, const EmissionUniforms& u,
                      const WavelengthsOf<Color>& wavelengths, EmittedRayOf<Color>* ray) const;
   template <typename Color>
-  void SampleDelta(const DeltaLight& light, const EmissionUniforms& u,
+  void SampleDelta(uint32_t light, const EmissionUniforms& u,
                    const WavelengthsOf<Color>& wavelengths, EmittedRayOf<Color>* ray) const;
   template <typename Color>
   void SampleInfinite(const InfiniteEmitter& light, double probability, const EmissionUniforms& u,
@@ -187,9 +177,8 @@ class LightEmission {
   const LightTable* lights_;
   Vec3d center_;
   double radius_;
-  std::vector<std::variant<MapDirections, WebDirections>> intensities_;  // As Impl::intensities.
-  std::vector<ImageDirections> images_;  // As Impl::projected_images.
-  DiscreteDistribution choice_;          // By light; the last is the media, if they have power.
+  ImageSamplers samplers_;
+  DiscreteDistribution choice_;  // By light; the last is the media, if they have power.
   double power_ = 0, media_probability_ = 0;
 };
 

@@ -84,7 +84,8 @@ class SceneLightReader {
   SkyPortal MakePortal(const InfiniteLight& infinite, const InfiniteEmitter& emitter,
                        const EnvironmentMap& map) const;
   // peak: the factor of the emission in the direction where the light is brightest.
-  absl::Status Keep(const LightDescription& light, DeltaLight delta, Rgb peak = Rgb::Gray(1));
+  template <typename Kind>
+  absl::Status Keep(const LightDescription& light, const Kind& delta, Rgb peak = Rgb::Gray(1));
   Emission AddEmission(const ColorSpec& color, float scale) {
     return {color, scale, spectral_ ? impl_->AddSpectrum(color) : kNone};
   }
@@ -110,8 +111,13 @@ bool InvertLinearPart(const Matrix4& world_from_light, Vec3f (*rows)[3]) {
 }
 
 // Drops a black light. Errors: a light whose values are not finite.
-absl::Status SceneLightReader::Keep(const LightDescription& light, DeltaLight delta, Rgb peak) {
-  if (!IsFinite(delta.emission.rgb * peak) || !std::isfinite(LengthSquared(delta.position))) {
+template <typename Kind>
+absl::Status SceneLightReader::Keep(const LightDescription& light, const Kind& delta, Rgb peak) {
+  bool is_finite = IsFinite(delta.emission.rgb * peak);
+  if constexpr (!Kind::kIsDistant) {
+    is_finite = is_finite && std::isfinite(LengthSquared(delta.position));
+  }
+  if (!is_finite) {
     return ErrorAt(
         scene_, light.location,
         "the light's position or brightness is not finite; check scale, power and transform");
@@ -123,8 +129,7 @@ absl::Status SceneLightReader::Keep(const LightDescription& light, DeltaLight de
 absl::Status SceneLightReader::Add(const LightDescription& light, const PointLight& point) {
   float scale = light.scale.scale;
   if (light.scale.power_w > 0) scale *= light.scale.power_w / static_cast<float>(4 * kPi);
-  DeltaLight delta;
-  delta.kind = DeltaLight::Kind::kPoint;
+  PointEmitter delta;
   delta.position = TransformPoint(light.world_from_light, point.from) - render_origin_world_;
   delta.emission = AddEmission(point.intensity, scale);
   return Keep(light, delta);
@@ -136,8 +141,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const SpotLigh
     return ErrorAt(scene_, light.location,
                    "spot light: \"from\" and \"to\" are the same point; move one of them");
   }
-  DeltaLight delta;
-  delta.kind = DeltaLight::Kind::kSpot;
+  SpotEmitter delta;
   delta.position = TransformPoint(light.world_from_light, spot.from) - render_origin_world_;
   delta.axis = ToFloat(Normalize(axis));
   const double cos_end = Cos(RadiansOf(spot.cone_angle_degrees));
@@ -164,8 +168,7 @@ absl::Status SceneLightReader::Add(const LightDescription& light, const DistantL
     return ErrorAt(scene_, light.location,
                    "distant light: \"from\" and \"to\" are the same point; move one of them");
   }
-  DeltaLight delta;
-  delta.kind = DeltaLight::Kind::kDistant;
+  DistantEmitter delta;
   delta.to_light = ToFloat(Normalize(to_light));
   const float illuminance = distant.illuminance_lx > 0 ? distant.illuminance_lx : 1;
   delta.emission = AddEmission(distant.radiance, light.scale.scale * illuminance);
@@ -314,19 +317,18 @@ absl::Status SceneLightReader::Add(const LightDescription& light,
                                    const GoniometricLight& goniometric) {
   if (goniometric.file.empty()) return Add(light, PointLight{goniometric.intensity, {}});
   const auto [known, is_new] =
-      intensity_of_file_.try_emplace(goniometric.file, impl_->intensities.size());
+      intensity_of_file_.try_emplace(goniometric.file, impl_->light_maps.intensities.size());
   if (is_new) {
     absl::StatusOr<IntensityDistribution> intensity = ReadIntensities(light, goniometric);
     if (!intensity.ok()) return intensity.status();
-    impl_->intensities.push_back(*std::move(intensity));
+    impl_->light_maps.intensities.push_back(*std::move(intensity));
   }
-  const IntensityDistribution& intensity = impl_->intensities[known->second];
+  const IntensityDistribution& intensity = impl_->light_maps.intensities[known->second];
   const double mean = std::visit([](const auto& i) { return i.mean(); }, intensity);
   const float peak = std::visit([](const auto& i) { return i.peak(); }, intensity);
   // Drops a black map; no scale gives it power.
   if (!(mean > 0)) return absl::OkStatus();
-  DeltaLight delta;
-  delta.kind = DeltaLight::Kind::kGoniometric;
+  GoniometricEmitter delta;
   delta.position = TransformPoint(light.world_from_light, {0, 0, 0}) - render_origin_world_;
   if (!InvertLinearPart(light.world_from_light, &delta.light_from_render)) {
     return ErrorAt(scene_, light.location,
@@ -360,22 +362,20 @@ absl::StatusOr<ProjectedImage> SceneLightReader::ReadProjectedImage(
 absl::Status SceneLightReader::Add(const LightDescription& light,
                                    const ProjectionLight& projection) {
   const auto [known, is_new] = projection_of_file_.try_emplace(
-      {projection.file, projection.fov_degrees}, impl_->projected_images.size());
+      {projection.file, projection.fov_degrees}, impl_->light_maps.projected.size());
   if (is_new) {
     absl::StatusOr<ProjectedImage> projected = ReadProjectedImage(light, projection);
     if (!projected.ok()) return projected.status();
-    impl_->projected_images.push_back(*std::move(projected));
+    impl_->light_maps.projected.push_back(*std::move(projected));
   }
-  const ProjectedImage& projected = impl_->projected_images[known->second];
+  const ProjectedImage& projected = impl_->light_maps.projected[known->second];
   if (projected.peak().IsBlack()) return absl::OkStatus();
-  DeltaLight delta;
-  delta.kind = DeltaLight::Kind::kProjection;
+  ProjectionEmitter delta;
   delta.position = TransformPoint(light.world_from_light, {0, 0, 0}) - render_origin_world_;
   if (!InvertLinearPart(light.world_from_light, &delta.light_from_render)) {
     return ErrorAt(scene_, light.location,
                    "projection light: the transform cannot be inverted; remove the scale of 0");
   }
-  delta.axis = {0, 0, 1};
   delta.cos_end = static_cast<float>(projected.CosCorner());
   double scale = static_cast<double>(light.scale.scale);
   if (light.scale.power_w > 0) {
@@ -402,17 +402,18 @@ absl::Status ReadLights(const SceneDescription& scene, Vec3d render_origin_world
     const absl::Status status = reader.Read(scene.lights[i]);
     if (!status.ok()) return status;
     const auto description = static_cast<int32_t>(i);
-    if (impl->deltas.size() > delta_count) impl->deltas.back().description = description;
     float largest = 0;
+    if (impl->deltas.size() > delta_count) {
+      DeltaLight& delta = impl->deltas.back();
+      std::visit([&](auto& kind) { kind.description = description; }, delta);
+      const auto* distant = std::get_if<DistantEmitter>(&delta);
+      if (distant != nullptr) largest = MaxComponent(distant->emission.rgb);
+    }
     if (impl->infinites.size() > infinite_count) {
       InfiniteEmitter& infinite = impl->infinites.back();
       infinite.description = description;
       largest = infinite.map ? infinite.scale * static_cast<float>(infinite.map->mean_luminance())
                              : MaxComponent(infinite.radiance.rgb);
-    }
-    if (impl->deltas.size() > delta_count &&
-        impl->deltas.back().kind == DeltaLight::Kind::kDistant) {
-      largest = MaxComponent(impl->deltas.back().emission.rgb);
     }
     const absl::Status usable = CheckRadiance(scene, scene.lights[i].location, largest);
     if (!usable.ok()) return usable;

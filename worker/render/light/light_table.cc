@@ -11,39 +11,33 @@
 #include "worker/render/light/area_light_sampling.h"
 #include "worker/render/light/light_radiance.h"
 #include "worker/render/light/light_table_impl.h"
+#include "worker/render/sampling/directions.h"
 
 namespace sheaf::render {
 namespace {
 
-// The smooth step of pbrt-v4's spot light: 0 at `low`, 1 at `high`.
-float SmoothStep(float x, float low, float high) {
-  if (!(x > low)) return 0;
-  if (x >= high) return 1;
-  const float t = (x - low) / (high - low);
-  return t * t * (3 - 2 * t);
-}
-
-template <typename Color>
-std::optional<LightSampleOf<Color>> Sample(const LightTable::Impl& impl, const DeltaLight& light,
+// Delta: a kind of light without size.
+template <typename Color, typename Delta>
+std::optional<LightSampleOf<Color>> Sample(const LightTable::Impl& impl, const Delta& light,
                                            const WavelengthsOf<Color>& wavelengths,
-                                           float probability, Vec3f p) {
+                                           float probability, [[maybe_unused]] Vec3f p) {
   LightSampleOf<Color> sample;
   sample.is_delta = true;
   sample.pdf = probability;
-  if (light.kind == DeltaLight::Kind::kDistant) {
+  if constexpr (Delta::kIsDistant) {
     sample.wi = light.to_light;
     sample.radiance = impl.ColorOfEmission(light.emission, wavelengths);
     sample.is_infinite = true;
-    return sample;
+  } else {
+    const Vec3d to_light = light.position - ToDouble(p);
+    const double d_squared = LengthSquared(to_light);
+    if (!(d_squared > 0)) return std::nullopt;
+    sample.wi = ToFloat(to_light / std::sqrt(d_squared));
+    sample.p_light = ToFloat(light.position);
+    sample.p_light_error = RoundingErrorOf(sample.p_light);
+    sample.radiance = IntensityAlong<Color>(impl, light, -sample.wi, wavelengths) *
+                      static_cast<float>(1 / d_squared);
   }
-  const Vec3d to_light = light.position - ToDouble(p);
-  const double d_squared = LengthSquared(to_light);
-  if (!(d_squared > 0)) return std::nullopt;
-  sample.wi = ToFloat(to_light / std::sqrt(d_squared));
-  sample.p_light = ToFloat(light.position);
-  sample.p_light_error = RoundingErrorOf(sample.p_light);
-  sample.radiance = IntensityAlong<Color>(impl, light, -sample.wi, wavelengths) *
-                    static_cast<float>(1 / d_squared);
   return sample;
 }
 
@@ -52,7 +46,7 @@ template <typename Color>
 Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, Vec3f p, Vec3f d,
                    const WavelengthsOf<Color>& wavelengths) {
   if (light.portal && !(light.portal->Pdf(p, d) > 0)) return {};
-  return RadianceAt<Color>(impl, light, PlaceOf(light, d), wavelengths);
+  return RadianceAt<Color>(impl, light, light.PlaceOf(d), wavelengths);
 }
 
 // The pdf of the point, per solid angle at p. Not inline: every set of light traits has a call.
@@ -64,24 +58,7 @@ Color RadianceFrom(const LightTable::Impl& impl, const InfiniteEmitter& light, V
   return view.visible ? view.pdf : 0;
 }
 
-// The pdf of the direction, per solid angle.
-double PdfAt(const InfiniteEmitter& light, EnvironmentMap::Place place) {
-  return light.map ? static_cast<double>(light.map->Pdf(place)) : 1 / (4 * kPi);
-}
-
 }  // namespace
-
-float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w) {
-  if (light.kind == DeltaLight::Kind::kPoint) return 1;
-  const Vec3f w_light = Rotate(light.light_from_render, w);
-  if (light.kind == DeltaLight::Kind::kGoniometric) {
-    return std::visit(
-        [&](const auto& intensity) { return intensity.At(w_light / Length(w_light)); },
-        impl.intensities[light.image]);
-  }
-  const float cosine = Dot(w_light, light.axis) / Length(w_light);
-  return SmoothStep(cosine, light.cos_end, light.cos_start);
-}
 
 LightTable::LightTable() = default;
 LightTable::~LightTable() = default;
@@ -158,8 +135,9 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
     }
   } else if (light < impl.first_infinite()) {
     if constexpr (Has(kMask, Trait::kDeltaLights)) {
-      const DeltaLight& delta = impl.deltas[light - impl.first_delta()];
-      sample = render::Sample<Color>(impl, delta, wavelengths, chosen.probability, p);
+      sample = impl.VisitDelta(light, [&](const auto& delta) {
+        return render::Sample<Color>(impl, delta, wavelengths, chosen.probability, p);
+      });
     }
   } else if constexpr (Has(kMask, Trait::kEnvironment)) {
     // Infinite lights share all directions, so a sample of one carries the sum of all.
@@ -176,10 +154,10 @@ std::optional<LightSampleOf<ColorOf<kMask>>> LightTable::SampleOne(
       }
       portal_pdf = through.pdf;
       sample->wi = through.d;
-      place = PlaceOf(infinite, through.d);
+      place = infinite.PlaceOf(through.d);
     } else if (infinite.map) {
       place = impl.HasOnlyOneMap() ? preparation.sky.place : infinite.map->Sample(u).place;
-      sample->wi = DirectionOf(infinite, place);
+      sample->wi = infinite.DirectionOf(place);
     } else {
       sample->wi = UniformDirection(u);
     }
@@ -266,7 +244,7 @@ LightTable::Preparation LightTable::Prepare(const Impl& impl, Vec2f u) {
 
 EnvironmentMap::Place LightTable::LocateInFirst(const Impl& impl, Vec3f d) {
   if (impl.infinites.empty()) return {};
-  return PlaceOf(impl.infinites[0], d);
+  return impl.infinites[0].PlaceOf(d);
 }
 
 template <typename Color>
@@ -306,9 +284,9 @@ EnvironmentValueOf<Color> LightTable::FromInfinity(const Impl& impl, Vec3f p, Ve
                                                                      : light.portal->Pdf(p, d));
       if (!(pdf > 0)) continue;
     }
-    const EnvironmentMap::Place here = is_located ? located.place : PlaceOf(light, d);
+    const EnvironmentMap::Place here = is_located ? located.place : light.PlaceOf(d);
     value.radiance += RadianceAt<Color>(impl, light, here, wavelengths);
-    if (!light.portal) pdf = PdfAt(light, here);
+    if (!light.portal) pdf = light.Pdf(here);
     value.pdf +=
         PdfSolidAngle(pdf, impl.choice.Probability(impl.first_infinite() + i, p, n, query));
   }

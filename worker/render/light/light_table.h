@@ -18,10 +18,11 @@
 #include "common/scene/scene_description.h"
 #include "worker/render/color/wavelengths.h"
 #include "worker/render/geometry/quadric.h"
+#include "worker/render/light/area_lights.h"
+#include "worker/render/light/choice/light_bounds.h"
+#include "worker/render/light/choice/light_query.h"
 #include "worker/render/light/emission_map.h"
 #include "worker/render/light/environment_map.h"
-#include "worker/render/light/light_bounds.h"
-#include "worker/render/light/light_query.h"
 
 namespace sheaf::render {
 
@@ -54,54 +55,6 @@ struct EnvironmentValueOf {
   float pdf = 0;  // Solid angle, times the probability of choosing these lights.
 };
 using EnvironmentValue = EnvironmentValueOf<Rgb>;
-
-// The emission of a light: as RGB, which also weights it against other lights, and as a spectrum of
-// the light table times a scale. The spectra of SceneDescription::area_lights come first in the
-// table, each once however many shapes use it. Without a spectrum, spectral transport upsamples
-// rgb.
-struct Emission {
-  Emission() = default;
-  // From a plain color, for the initializer lists of emitters.
-  Emission(Rgb color) : rgb(color) {}
-  Emission(const ColorSpec& color, float scale, int32_t spectrum_index)
-      : rgb(color.rgb * scale), spectrum(spectrum_index), spectrum_scale(scale) {}
-
-  Rgb rgb;
-  int32_t spectrum = kNone;
-  float spectrum_scale = 1;
-};
-
-// One emitter as the geometry passes it. It emits on the side of n (right-hand rule of v0 v1 v2 for
-// triangles, outward for spheres, axis for disks), on both sides where two_sided.
-struct TriangleEmitter {
-  Vec3f v0, v1, v2;
-  Emission radiance;
-  bool two_sided = false;
-};
-struct SphereEmitter {
-  Vec3d center;
-  double radius = 1;
-  Emission radiance;
-  bool two_sided = false, inward = false;
-};
-struct DiskEmitter {
-  Vec3d center;
-  Vec3d normal, axis_x;
-  double radius = 1, inner_radius = 0;
-  Emission radiance;
-  bool two_sided = false;
-};
-// Partial or non-uniformly scaled spheres and disks are passed as triangles.
-
-// How the emission of one emitter varies over its surface.
-struct EmissionDetail {
-  int32_t map = kNone;  // In LightTableInput::maps: the radiance, in place of Emission.
-  float map_scale = 1;
-  int32_t cut_out = kNone;  // Shape of SceneDescription whose alpha cuts out the emitter.
-  bool is_unseen = false;   // Cut out everywhere: emits, but no ray hits it (pbrt-v4's rule).
-  int32_t quadric = kNone;  // In LightTableInput::quadrics; kNone for a triangle.
-  Vec2f uv[3];              // At the triangle's corners.
-};
 
 class LightChoice;
 

@@ -1,7 +1,12 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// LightTable::Impl: the data of a LightTable, shared by the files that read, build and sample it.
+// LightTable::Impl: the lights of a LightTable, for the files that read, build and sample it.
+// Lights are structs in lists, one for each kind: with a surface (area_lights.h), without size
+// (delta_lights.h), and at infinity (infinite_light.h). Each has
+//   Bounds(maps): for the choice among lights.
+//   Power(maps, cross_section): luminance times the light's measure, as LightEmission::power.
+//     cross_section: area perpendicular to the rays of lights at infinity.
 #pragma once
 
 #include <cmath>
@@ -11,52 +16,13 @@
 #include <vector>
 
 #include "worker/render/color/spectral_color.h"
-#include "worker/render/light/environment_map.h"
-#include "worker/render/light/intensity_map.h"
-#include "worker/render/light/light_choice.h"
+#include "worker/render/light/area_lights.h"
+#include "worker/render/light/choice/light_choice.h"
+#include "worker/render/light/delta_lights.h"
+#include "worker/render/light/infinite_light.h"
 #include "worker/render/light/light_table.h"
-#include "worker/render/light/photometric_web.h"
-#include "worker/render/light/projected_image.h"
-#include "worker/render/light/sky_portal.h"
 
 namespace sheaf::render {
-
-// |L| for light selection: counts either sign, and is positive wherever a channel is not 0.
-inline float StrengthOf(Rgb c) {
-  if (!IsFinite(c)) return 0;
-  return Luminance({std::fabs(c.r), std::fabs(c.g), std::fabs(c.b)});
-}
-
-// Factor of a goniometric light's intensity by direction.
-using IntensityDistribution = std::variant<IntensityMap, PhotometricWeb>;
-
-// A light without size or at infinity in one direction. Space: render.
-struct DeltaLight {
-  enum class Kind : uint8_t { kPoint, kSpot, kDistant, kGoniometric, kProjection };
-  Kind kind = Kind::kPoint;
-  Vec3d position;              // All but kDistant.
-  Vec3f to_light;              // kDistant: unit, towards the light.
-  Emission emission;           // Intensity; radiance (irradiance on a facing plane) if kDistant;
-                               // gray factor of the image if kProjection.
-  Vec3f light_from_render[3];  // kSpot: rows of the linear map to the space of axis. kGoniometric,
-                               // kProjection: to the space of the image.
-  Vec3f axis;                  // kSpot, kProjection: unit, in the light's space.
-  // kSpot: falls off smoothly between these cosines with axis. kProjection: zero beyond cos_end.
-  float cos_start = 1, cos_end = 1;
-  int32_t description = kNone;  // Index in SceneDescription::lights.
-  size_t image = 0;             // Index in Impl::intensities, or Impl::projected_images.
-};
-
-// A light from all directions; constant where it has no map.
-struct InfiniteEmitter {
-  std::optional<EnvironmentMap> map;
-  Emission radiance;            // Constant.
-  float scale = 1;              // Scale of the map; 1 where there is none.
-  int32_t description = kNone;  // Index in SceneDescription::lights.
-  Vec3f light_from_render[3];   // Rows of a rotation (or reflection).
-  // If present, only light that arrives through it counts. Requires a map.
-  std::optional<SkyPortal> portal;
-};
 
 struct LightTable::Impl {
   // By light index: triangles, spheres, disks (the emitter ids), then delta, then infinite lights.
@@ -68,8 +34,7 @@ struct LightTable::Impl {
   EmissionMaps maps;
   std::vector<Quadric> quadrics;
   std::vector<DeltaLight> deltas;
-  std::vector<IntensityDistribution> intensities;
-  std::vector<ProjectedImage> projected_images;
+  LightMaps light_maps;
   std::vector<InfiniteEmitter> infinites;
   // By Emission::spectrum; empty unless spectral transport is used.
   std::vector<SpectralColor> spectra;
@@ -100,14 +65,44 @@ struct LightTable::Impl {
     return spectra[static_cast<size_t>(emission.spectrum)].At(wavelengths) *
            emission.spectrum_scale;
   }
+  // The emission times a factor, where the factor is all of its color.
+  template <typename Color>
+  Color ColorTimes(const Emission& emission, Rgb factor,
+                   const WavelengthsOf<Color>& wavelengths) const {
+    return ColorOfRgb<Color>(factor * emission.rgb, ColorRole::kIlluminant, wavelengths);
+  }
+  template <typename Color>
+  Color ColorTimes(const Emission& emission, float factor,
+                   const WavelengthsOf<Color>& wavelengths) const {
+    return ColorOfEmission(emission, wavelengths) * factor;
+  }
   uint32_t first_sphere() const { return static_cast<uint32_t>(triangles.size()); }
   uint32_t first_disk() const { return first_sphere() + static_cast<uint32_t>(spheres.size()); }
   uint32_t first_delta() const { return first_disk() + static_cast<uint32_t>(disks.size()); }
   uint32_t first_infinite() const { return first_delta() + static_cast<uint32_t>(deltas.size()); }
-};
+  uint32_t light_count() const {
+    return first_infinite() + static_cast<uint32_t>(infinites.size());
+  }
 
-// Fraction of its emission that a light without size sends along the unit direction w, which leaves
-// the light. Not for projections, whose fraction has a color.
-float FalloffAlong(const LightTable::Impl& impl, const DeltaLight& light, Vec3f w);
+  // f(the light), a struct of any kind with a surface. Requires: light < first_delta().
+  template <typename F>
+  auto VisitSurface(uint32_t light, const F& f) const {
+    if (light < first_sphere()) return f(triangles[light]);
+    if (light < first_disk()) return f(spheres[light - first_sphere()]);
+    return f(disks[light - first_disk()]);
+  }
+  // The same of any kind without size. Requires: first_delta() <= light < first_infinite().
+  template <typename F>
+  auto VisitDelta(uint32_t light, const F& f) const {
+    return std::visit(f, deltas[light - first_delta()]);
+  }
+  // The same of any kind.
+  template <typename F>
+  auto Visit(uint32_t light, const F& f) const {
+    if (light < first_delta()) return VisitSurface(light, f);
+    if (light < first_infinite()) return VisitDelta(light, f);
+    return f(infinites[light - first_infinite()]);
+  }
+};
 
 }  // namespace sheaf::render

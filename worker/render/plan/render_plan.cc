@@ -13,11 +13,9 @@
 #include <variant>
 
 #include "absl/strings/str_cat.h"
-#include "common/scene/settings/path_shares.h"
 #include "common/scene/spectrum/spectrum.h"
 #include "worker/render/bsdf/perturbed_normal.h"
 #include "worker/render/geometry/bilinear_patch.h"
-#include "worker/render/light/light_choice.h"
 #include "worker/render/medium/similarity.h"
 #include "worker/render/plan/film_notes.h"
 #include "worker/render/plan/material_traits.h"
@@ -60,7 +58,7 @@ class PlanMaker {
     RenderPlan plan = Finish(settings);
     BoundDepth(settings.max_depth, &plan);
     plan.notes = std::move(notes_);
-    NoteTechniques(settings.techniques, &plan);
+    PlanTechniques(scene_, settings.techniques, &plan);
     const bool world_moves = causes_[TraitIndex(Trait::kMotion)].count > moving_cameras;
     NoteSharedPaths(scene_, settings, world_moves, &plan.notes);
     for (std::string& note : SimilarityNotes(scene_, settings.similarity_after)) {
@@ -242,24 +240,30 @@ class PlanMaker {
 
   void ExamineLight(const LightDescription& light) {
     if (light.invisible != 0) Require(Trait::kRayVisibility, light.location, "\"invisible\"");
-    if (const auto* infinite = std::get_if<InfiniteLight>(&light.light)) {
-      Require(Trait::kEnvironment, light.location, "LightSource \"infinite\"");
-      if (infinite->file.empty()) ExamineEmission(infinite->radiance, light.location);
-    } else if (const auto* distant = std::get_if<DistantLight>(&light.light)) {
-      Require(Trait::kDeltaLights, light.location, "LightSource \"distant\"");
-      ExamineEmission(distant->radiance, light.location);
-    } else if (const auto* point = std::get_if<PointLight>(&light.light)) {
-      Require(Trait::kDeltaLights, light.location, "LightSource \"point\"");
-      ExamineEmission(point->intensity, light.location);
-    } else if (const auto* spot = std::get_if<SpotLight>(&light.light)) {
-      Require(Trait::kDeltaLights, light.location, "LightSource \"spot\"");
-      ExamineEmission(spot->intensity, light.location);
-    } else if (const auto* goniometric = std::get_if<GoniometricLight>(&light.light)) {
-      Require(Trait::kDeltaLights, light.location, "LightSource \"goniometric\"");
-      ExamineEmission(goniometric->intensity, light.location);
-    } else {
-      Require(Trait::kDeltaLights, light.location, "LightSource \"projection\"");
-    }
+    std::visit([&](const auto& kind) { ExamineKind(kind, light.location); }, light.light);
+  }
+  void ExamineKind(const InfiniteLight& light, SourceLocation location) {
+    Require(Trait::kEnvironment, location, "LightSource \"infinite\"");
+    if (light.file.empty()) ExamineEmission(light.radiance, location);
+  }
+  void ExamineKind(const DistantLight& light, SourceLocation location) {
+    Require(Trait::kDeltaLights, location, "LightSource \"distant\"");
+    ExamineEmission(light.radiance, location);
+  }
+  void ExamineKind(const PointLight& light, SourceLocation location) {
+    Require(Trait::kDeltaLights, location, "LightSource \"point\"");
+    ExamineEmission(light.intensity, location);
+  }
+  void ExamineKind(const SpotLight& light, SourceLocation location) {
+    Require(Trait::kDeltaLights, location, "LightSource \"spot\"");
+    ExamineEmission(light.intensity, location);
+  }
+  void ExamineKind(const GoniometricLight& light, SourceLocation location) {
+    Require(Trait::kDeltaLights, location, "LightSource \"goniometric\"");
+    ExamineEmission(light.intensity, location);
+  }
+  void ExamineKind(const ProjectionLight&, SourceLocation location) {
+    Require(Trait::kDeltaLights, location, "LightSource \"projection\"");
   }
 
   static bool IsGray(const ColorSpec& color) {
@@ -315,51 +319,6 @@ class PlanMaker {
            !diffuse->reflectance.value.is_out_of_gamut && diffuse->reflectance.value.rgb.IsBlack();
   }
 
-  void NoteTechniques(TechniqueSet techniques, RenderPlan* plan) const {
-    if (techniques == TechniqueSet::kCamera) return;
-    const SamplingDescription& sampling = scene_.sampling;
-    const std::string cause =
-        TechniquesOfIntegrator(sampling.integrator) != techniques
-            ? "requested"
-            : absl::StrCat(FormatLocation(scene_, sampling.integrator_location), ": Integrator \"",
-                           sampling.integrator, "\"");
-    plan->notes.push_back(absl::StrCat("techniques: ", techniques.Name(), ", ", cause));
-    if (MergesLightPaths(techniques)) {
-      plan->notes.emplace_back(
-          MayHaveSpecularSurfaces(scene_)
-              ? "biased: light paths are merged with camera paths behind specular surfaces, within "
-                "a radius that shrinks; merge.bias estimates the bias, and errors include it"
-              : "merging: no surface of the scene is specular, so that no light path is merged");
-    }
-    if (HasChains(techniques)) PlanChains(scene_, plan);
-    if (GuidesEmission(techniques)) {
-      plan->notes.emplace_back(
-          "emission guiding: light paths begin where light reaches the picture, by a training");
-    }
-    if (LearnsLights(techniques)) {
-      plan->notes.emplace_back("learned lights: regions sample those that a training saw there");
-    }
-    if (MutatesPaths(techniques)) {
-      plan->notes.emplace_back(
-          "mutations: samples 32 times as bright as their region start chains of 64 mutations");
-    }
-    if (techniques.Has(Technique::kProduct)) {
-      plan->notes.emplace_back(
-          ChoosesByProduct(techniques)
-              ? "product: rough metals and coats sample the lights that they reflect to the camera"
-              : "product: off beside light paths, which would have to know the light samples of a "
-                "camera path before they know from where the camera sees its vertex");
-    }
-    if (!IsGuided(techniques)) return;
-    plan->notes.emplace_back(
-        "guiding: camera paths also sample directions from the light that a training finds before "
-        "the first sample");
-    if (!SplitsPaths(techniques)) return;
-    plan->notes.emplace_back(
-        "splitting: several paths leave where the training found light that matters to the "
-        "pixel and is uncertain");
-  }
-
   void BoundDepth(int32_t max_depth, RenderPlan* plan) const {
     plan->max_depth = max_depth;
     if (max_depth == 0) return;
@@ -402,48 +361,10 @@ class PlanMaker {
   bool has_scattering_media_ = false, has_emissive_media_ = false;
 };
 
-std::string JoinNames(const std::vector<std::string>& names) {
-  std::string joined;
-  for (const std::string& name : names) absl::StrAppend(&joined, joined.empty() ? "" : ", ", name);
-  return joined;
-}
-
 }  // namespace
 
 RenderPlan MakeRenderPlan(const SceneDescription& scene, const FrameSettings& settings) {
   return PlanMaker(scene).Make(settings);
-}
-
-std::string FormatRenderPlan(const RenderPlan& plan) {
-  size_t width = 0;
-  for (const PlannedEffect& effect : plan.effects) width = std::max(width, effect.name.size());
-  std::string text;
-  for (const PlannedEffect& effect : plan.effects) {
-    absl::StrAppend(&text, effect.name, std::string(width - effect.name.size() + 2, ' '),
-                    effect.cause, "\n");
-  }
-  if (!plan.effects.empty()) {
-    absl::StrAppend(&text,
-                    "what each of them costs differs from scene to scene: --measure measures "
-                    "it in this one\n");
-  }
-  if (!plan.unused.empty()) absl::StrAppend(&text, "not used: ", JoinNames(plan.unused), "\n");
-  absl::StrAppend(&text, "lights: ", plan.light_count,
-                  plan.light_count > kLightsWeighedMax || Has(plan.traits, Trait::kLightSplits)
-                      ? ", sampled by a hierarchy\n"
-                      : ", each weighted at every point\n");
-  if (!plan.depth_cause.empty()) {
-    absl::StrAppend(&text, "depth: ", plan.max_depth, ", ", plan.depth_cause, "\n");
-  }
-  for (const std::string& note : plan.notes) absl::StrAppend(&text, note, "\n");
-  std::vector<std::string> carried;
-  for (const TraitName& t : kTraitNames) {
-    if (Has(plan.variant_traits & ~plan.traits, t.trait)) carried.emplace_back(t.name);
-  }
-  absl::StrAppend(&text, "variant: ", plan.variant_name);
-  if (!carried.empty()) absl::StrAppend(&text, " (also supports ", JoinNames(carried), ")");
-  absl::StrAppend(&text, "\n");
-  return text;
 }
 
 }  // namespace sheaf::render

@@ -13,7 +13,7 @@ namespace sheaf::render {
 
 // The compiled variant that renders the traits.
 Variant VariantFor(TraitBits traits, const FrameSettings& settings);
-// Sets the plan's chain_shapes, and notes the reasons. Requires: the frame has chains.
-void PlanChains(const SceneDescription& scene, RenderPlan* plan);
+// Notes what the techniques do in this scene and why; with chains, sets the plan's chain_shapes.
+void PlanTechniques(const SceneDescription& scene, TechniqueSet techniques, RenderPlan* plan);
 
 }  // namespace sheaf::render

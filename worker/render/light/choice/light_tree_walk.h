@@ -11,7 +11,7 @@
 
 #include "common/base/check.h"
 #include "common/math/lanes.h"
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_tree.h"
 
 namespace sheaf::render {
 

@@ -21,7 +21,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "worker/render/light/light_tree_walk.h"
+#include "worker/render/light/choice/light_tree_walk.h"
 
 namespace sheaf::render {
 namespace {

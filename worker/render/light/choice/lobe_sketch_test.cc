@@ -3,7 +3,7 @@
 //
 // LobeSketch against closed forms and quadratures, and the choice of lights by it: its agreement
 // with its probabilities, and its invariances.
-#include "worker/render/light/lobe_sketch.h"
+#include "worker/render/light/choice/lobe_sketch.h"
 
 #include <gtest/gtest.h>
 
@@ -14,7 +14,7 @@
 
 #include "common/math/elementary.h"
 #include "tests/support/random_lights.h"
-#include "worker/render/light/light_choice.h"
+#include "worker/render/light/choice/light_choice.h"
 
 namespace sheaf::render {
 namespace {

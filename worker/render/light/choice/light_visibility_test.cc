@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // LightVisibility from tries to choices, and its bytes.
-#include "worker/render/light/light_visibility.h"
+#include "worker/render/light/choice/light_visibility.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

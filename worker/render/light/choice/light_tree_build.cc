@@ -16,8 +16,8 @@
 
 #include "common/base/check.h"
 #include "common/base/large_pages.h"
-#include "worker/render/light/light_cluster.h"
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_cluster.h"
+#include "worker/render/light/choice/light_tree.h"
 
 namespace sheaf::render {
 namespace {

@@ -15,7 +15,7 @@
 
 #include "common/math/lanes.h"
 #include "common/math/vec.h"
-#include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/choice/light_visibility_row.h"
 
 namespace sheaf::render {
 

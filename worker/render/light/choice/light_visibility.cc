@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/render/light/light_visibility.h"
+#include "worker/render/light/choice/light_visibility.h"
 
 #include <algorithm>
 #include <array>

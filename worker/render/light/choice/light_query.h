@@ -13,8 +13,8 @@
 #include <cstdint>
 #include <type_traits>
 
-#include "worker/render/light/light_visibility_row.h"
-#include "worker/render/light/lobe_sketch.h"
+#include "worker/render/light/choice/light_visibility_row.h"
+#include "worker/render/light/choice/lobe_sketch.h"
 #include "worker/render/traits/trait_set.h"
 
 namespace sheaf::render {

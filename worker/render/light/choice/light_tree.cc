@@ -2,12 +2,12 @@
 // SPDX-License-Identifier: Apache-2.0
 //
 // Traversal of the light tree. light_tree_build.cc builds it.
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_tree.h"
 
 #include <cmath>
 
 #include "common/math/lanes.h"
-#include "worker/render/light/light_tree_walk.h"
+#include "worker/render/light/choice/light_tree_walk.h"
 
 namespace sheaf::render {
 namespace {

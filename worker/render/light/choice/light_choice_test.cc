@@ -1,6 +1,6 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
-#include "worker/render/light/light_choice.h"
+#include "worker/render/light/choice/light_choice.h"
 
 #include <gtest/gtest.h>
 

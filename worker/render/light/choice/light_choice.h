@@ -25,10 +25,10 @@
 #include <vector>
 
 #include "common/math/vec.h"
-#include "worker/render/light/light_bounds.h"
-#include "worker/render/light/light_query.h"
-#include "worker/render/light/light_tree.h"
-#include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/choice/light_bounds.h"
+#include "worker/render/light/choice/light_query.h"
+#include "worker/render/light/choice/light_tree.h"
+#include "worker/render/light/choice/light_visibility_row.h"
 #include "worker/render/sampling/discrete_distribution.h"
 
 namespace sheaf::render {

@@ -35,9 +35,9 @@
 #include <vector>
 
 #include "common/math/lanes.h"
-#include "worker/render/light/light_bounds.h"
-#include "worker/render/light/light_visibility_row.h"
-#include "worker/render/light/lobe_sketch.h"
+#include "worker/render/light/choice/light_bounds.h"
+#include "worker/render/light/choice/light_visibility_row.h"
+#include "worker/render/light/choice/lobe_sketch.h"
 
 namespace sheaf::render {
 

@@ -3,7 +3,7 @@
 //
 // LightTree as a distribution over lights: its sum, its agreement with walks, and its invariances.
 // tests/stability/light_tree_stability_test.cc has the hard cases.
-#include "worker/render/light/light_tree.h"
+#include "worker/render/light/choice/light_tree.h"
 
 #include <gtest/gtest.h>
 

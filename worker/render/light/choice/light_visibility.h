@@ -28,8 +28,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "worker/render/light/light_choice.h"
-#include "worker/render/light/light_visibility_row.h"
+#include "worker/render/light/choice/light_choice.h"
+#include "worker/render/light/choice/light_visibility_row.h"
 
 namespace sheaf::render {
 
