@@ -173,12 +173,7 @@ const std::string& LocalFarm::KeepState() {
   return state_->path();
 }
 
-uint64_t LocalFarm::film_bytes() const {
-  for (const coordinator::MetricView& metric : server_->farm().Metrics()) {
-    if (metric.name == "sheaf_merge_bytes") return static_cast<uint64_t>(metric.value);
-  }
-  return 0;
-}
+uint64_t LocalFarm::film_bytes() const { return server_->farm().metrics().MergeBytes(); }
 
 absl::Status LocalFarm::StartWorker() {
   absl::StatusOr<std::unique_ptr<worker::EmbeddedWorker>> worker =
@@ -190,7 +185,7 @@ absl::Status LocalFarm::StartWorker() {
       LogWarning(std::string(status.message()));
     }
   });
-  AwaitWorker(server_->farm());
+  AwaitWorker(server_->farm().view());
   return absl::OkStatus();
 }
 

@@ -61,6 +61,17 @@ std::string Quote(const WorkState& state, const Lease& lease, const LeaseFailure
                       " says: ", Printable(failure.message, state.limits.worker_text_shown_max));
 }
 
+// Whether the failures show a poisonous task that has not been set aside yet.
+bool ShouldSetAside(const WorkState& state, const TaskFailures& record) {
+  return record.IsPoison(state.limits) && record.trouble.set_aside.empty();
+}
+
+void SetAsidePoison(WorkState& state, FrameRecord* frame, const TaskId& id,
+                    const TaskFailures& record) {
+  ++state.counters.tasks_poisoned;
+  SetAside(state, frame, id, TaskFailureText(*frame, record));
+}
+
 void CountTaskFailure(WorkState& state, const Lease& lease, const LeaseFailure& failure,
                       SteadyTime now) {
   FrameRecord& frame = Frame(state, lease.frame);
@@ -75,15 +86,14 @@ void CountTaskFailure(WorkState& state, const Lease& lease, const LeaseFailure& 
   if (failure.kind == FailureKind::kInfrastructure) {
     record.not_before = now + RetryDelay(state, record.CountOf(FailureKind::kInfrastructure));
   }
-  if (!record.IsPoison(state.limits) || !record.trouble.set_aside.empty()) return;
+  if (!ShouldSetAside(state, record)) return;
   const std::string& profile = state.jobs.at(lease.frame.job_id).spec.numeric_profile;
   // The coordinator itself observed a loss.
   if (failure.kind != FailureKind::kLost && !AreBelieved(state, profile, record.Identities())) {
     state.doubts.tasks.insert(id);
     return;
   }
-  ++state.counters.tasks_poisoned;
-  SetAside(state, &frame, id, TaskFailureText(frame, record));
+  SetAsidePoison(state, &frame, id, record);
 }
 
 void JudgeScene(WorkState& state, const FrameId& id) {
@@ -344,7 +354,7 @@ void JudgeDoubtfulTasks(WorkState& state) {
     const auto found = frame.failures.find(id);
     if (frame.tasks == nullptr || found == frame.failures.end()) continue;
     const TaskFailures& record = found->second;
-    if (!record.IsPoison(state.limits) || !record.trouble.set_aside.empty()) continue;
+    if (!ShouldSetAside(state, record)) continue;
     const JobSpec& spec = job->second.spec;
     if (state.workers.LiveCount(spec.numeric_profile) == 0 ||
         OthersLive(state, spec, record.Workers()) ||
@@ -352,8 +362,7 @@ void JudgeDoubtfulTasks(WorkState& state) {
       state.doubts.tasks.insert(id);
       continue;
     }
-    ++state.counters.tasks_poisoned;
-    SetAside(state, &frame, id, TaskFailureText(frame, record));
+    SetAsidePoison(state, &frame, id, record);
   }
 }
 

@@ -283,7 +283,7 @@ bool Checks::CheckImages(Farm& farm, uint64_t job_id) {
   }
   for (const auto& [spec, digest] : frames) {
     const FrameId id{job_id, spec.frame_number};
-    const absl::StatusOr<std::string> path = farm.FindOutput(job_id, spec.frame_number);
+    const absl::StatusOr<std::string> path = farm.images().Find(job_id, spec.frame_number);
     if (absl::IsFailedPrecondition(path.status())) return false;
     const absl::StatusOr<FrameImage> image =
         path.ok() ? ReadFrameImage(*path) : absl::StatusOr<FrameImage>(path.status());

@@ -287,7 +287,7 @@ void SimWorker::FetchField(const LeaseLedger::Task& task) {
   const auto self = shared_from_this();
   const auto serve = [self, task](coordinator::Farm& farm) -> Network::Reply {
     const absl::StatusOr<std::string> field =
-        farm.ReadGuidingField(FrameOf(task.lease), task.lease.field);
+        farm.intake().ReadField(FrameOf(task.lease), task.lease.field);
     self->world_.Trace(self->id_, " reads a field: ", field.status().ToString());
     if (field.ok() && Sha256Hex(*field) != task.lease.field.sha256_hex) {
       self->world_.Broken("a guiding field has other bytes than its digest says");
@@ -400,7 +400,7 @@ absl::StatusOr<std::vector<ResultOutcome>> SimWorker::AddResults(
   for (const FinishedPart& part : parts) {
     const bool was_liar = promises_.IsLiar(identity());
     const absl::StatusOr<ResultOutcome> outcome =
-        farm.AddResult(ToReport(id_, habits_.identity, part), part.exr_bytes);
+        farm.intake().Add(ToReport(id_, habits_.identity, part), part.exr_bytes);
     world_.Trace(id_, " uploads the result of lease ", part.lease_id & 0xffffff, ": ",
                  outcome.ok() ? absl::StrCat("outcome ", static_cast<int>(*outcome))
                               : std::string(outcome.status().message()));

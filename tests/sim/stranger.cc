@@ -125,7 +125,7 @@ void Stranger::SendResult(Farm& farm) {
   std::string bytes = random_.Chance(0.5) ? "" : std::string(random_.Below(500), 'x');
   if (random_.Chance(0.5)) bytes = TruePart(LeaseOf(report));
   report.digest = {Sha256Hex(bytes), random_.Chance(0.1) ? 7 : bytes.size()};
-  const auto outcome = farm.AddResult(report, bytes);
+  const auto outcome = farm.intake().Add(report, bytes);
   if (!absl::IsPermissionDenied(outcome.status())) {
     world_.Broken(
         absl::StrCat("a stranger's result is not refused: ", outcome.status().ToString()));
@@ -155,7 +155,7 @@ void Stranger::SendRequest(Farm& farm) {
       farm.SetJobPriority(id, {.priority = INT32_MIN}).ok() ||
       farm.RefineJob(id, {.refinement = {{}, UINT64_MAX}}).ok() ||
       farm.RetryTasks(id, {.task = 7}).ok() || farm.KillTasks(id, {.frame = 0, .task = 3}).ok() ||
-      farm.FindOutput(id, 0).ok()) {
+      farm.images().Find(id, 0).ok()) {
     world_.Broken("a request about a job that does not exist succeeds");
   }
 }

@@ -12,7 +12,6 @@
 #include "common/base/log.h"
 #include "common/base/steady_time.h"
 #include "coordinator/service/farm/jobs/job_restore.h"
-#include "coordinator/service/farm/queries/object_metrics.h"
 #include "coordinator/store/farm_secret.h"
 #include "coordinator/store/sql_job_store.h"
 
@@ -99,12 +98,14 @@ Farm::Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
       worker_views_(&tables_, blobs_.get(), &journal_),
       task_reports_(&tables_, store_.get()),
       pricing_(&tables_, store_.get()),
-      metrics_(options.state_directory, &tables_, store_.get(), &images_, &disk_) {
-  if (options.scrub_bytes_per_second == 0) return;
-  scrubber_ = std::make_unique<Scrubber>(
-      options.scrub_bytes_per_second,
-      Scrubber::Parts{tables_, *store_, *blobs_, images_, lifecycle_, removals_});
-}
+      metrics_(options.state_directory, &tables_, store_.get(), &images_, &disk_),
+      scrubber_(options.scrub_bytes_per_second == 0
+                    ? nullptr
+                    : std::make_unique<Scrubber>(options.scrub_bytes_per_second,
+                                                 Scrubber::Parts{tables_, *store_, *blobs_, images_,
+                                                                 lifecycle_, removals_})),
+      view_({job_views_, worker_views_, previews_, pricing_, metrics_, keeper_, content_,
+             scrubber_.get(), options_.parts, disk_, signals_}) {}
 
 Farm::~Farm() {
   queue_.Stop();
@@ -266,15 +267,6 @@ absl::StatusOr<Farm::SynchronizeAnswer> Farm::Synchronize(WorkerReport report) {
   if (!report.failures.empty()) lifecycle_.SettleEnded();
   signals_.Changed();
   return answer;
-}
-
-std::vector<MetricView> Farm::Metrics() const {
-  std::vector<MetricView> metrics = metrics_.List();
-  keeper_.AddMetrics(&metrics);
-  content_.AddMetrics(&metrics);
-  if (scrubber_ != nullptr) scrubber_->AddMetrics(&metrics);
-  if (options_.parts != nullptr) AddObjectMetrics(*options_.parts, &metrics);
-  return metrics;
 }
 
 void Farm::WriteUsage() {

@@ -16,7 +16,9 @@
 //     Scrubber         compares stored data with its digests, in a thread of its own
 //     ShareControl     weights and limits of users, shows and pools
 //     DeliveredImages, FramePreviews, JobViews, WorkerViews, TaskReports, RefinementPricing,
-//     FarmMetrics      answer queries
+//     FarmMetrics      answer queries; FarmQueries joins them
+//
+// Its own functions are those that concern several parts; for the others, callers take the part.
 //
 // When a frame's last result is merged, the background thread develops the frame, writes the EXR,
 // and records the delivery.
@@ -29,7 +31,6 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "common/base/steady_time.h"
 #include "common/content/blob_store.h"
@@ -40,6 +41,7 @@
 #include "coordinator/service/farm/delivery/frame_delivery.h"
 #include "coordinator/service/farm/delivery/frame_rounds.h"
 #include "coordinator/service/farm/delivery/tile_builder.h"
+#include "coordinator/service/farm/farm_queries.h"
 #include "coordinator/service/farm/intake/content_exchange.h"
 #include "coordinator/service/farm/intake/result_intake.h"
 #include "coordinator/service/farm/jobs/job_lifecycle.h"
@@ -63,7 +65,6 @@
 #include "coordinator/service/farm/upkeep/share_control.h"
 #include "coordinator/service/farm/upkeep/worker_drains.h"
 #include "coordinator/service/view/farm_view.h"
-#include "coordinator/service/view/pixel_view.h"
 #include "coordinator/store/job_store.h"
 #include "coordinator/store/round_previews.h"
 
@@ -79,7 +80,7 @@ struct LeaseGrant {
 };
 
 // Thread safety: all members may be called from any thread.
-class Farm : public FarmView {
+class Farm {
  public:
   // Loads the state and starts the background thread.
   // Errors: those of SqlJobStore::Open, BlobStore::Open and RoundPreviews::Open.
@@ -91,13 +92,25 @@ class Farm : public FarmView {
   // single-threaded simulations.
   static absl::StatusOr<std::unique_ptr<Farm>> OpenWithoutThread(const FarmOptions& options,
                                                                  std::unique_ptr<JobStore> store);
-  ~Farm() override;
+  ~Farm();
 
   // The work of the background thread at each wake-up. One thread at a time.
   void RunOnce();
 
+  // The parts, which have their contracts.
+  const FarmView& view() const { return view_; }
+  ResultIntake& intake() { return intake_; }
   BlobStore& blobs() { return *blobs_; }
   ContentExchange& content() { return content_; }
+  DiskKeeper& keeper() { return keeper_; }
+  WorkerDrains& drains() { return drains_; }
+  ShareControl& share_control() { return share_control_; }
+  const JobViews& job_views() const { return job_views_; }
+  const FramePreviews& previews() const { return previews_; }
+  const DeliveredImages& images() const { return images_; }
+  const FarmMetrics& metrics() const { return metrics_; }
+  const TaskReports& task_reports() const { return task_reports_; }
+  const FarmSignals& signals() const { return signals_; }
   const FarmOptions& options() const { return options_; }
   // For simulations, which check that the tables are consistent.
   FarmTables& tables() { return tables_; }
@@ -117,38 +130,11 @@ class Farm : public FarmView {
   SHEAF_JOB_VERBS(SHEAF_VERB)
 #undef SHEAF_VERB
 
-  // Errors: those of WorkerDrains.
-  absl::StatusOr<std::vector<std::string>> DrainWorkers(const ChosenWorkers& chosen,
-                                                        bool then_exit) {
-    return drains_.Drain(chosen, then_exit);
-  }
-  absl::StatusOr<std::vector<std::string>> UndrainWorkers(const ChosenWorkers& chosen) {
-    return drains_.Undrain(chosen);
-  }
-
-  // Removes the items that the limits of retention select, and returns them. dry_run: only returns
-  // them.
-  // Errors: those of the store.
-  absl::StatusOr<std::vector<RemovalView>> CollectGarbage(bool dry_run) {
-    return keeper_.CollectForPeople(dry_run, keeper_.AgingNow());
-  }
-
   // The usage of jobs and the bytes kept of them, for the query's owner or for all. Errors:
   // kInvalidArgument (too many rows); those of the store.
   absl::StatusOr<UsageReport> ListUsage(const UsageQuery& query);
   // An owner has uploaded bytes of a file.
   void NoteUpload(const std::string& owner, const BlobDigest& blob, uint64_t bytes);
-  // Checks that the owner may store `more` bytes; with 0, that they may start jobs. Errors: those
-  // of DiskKeeper::CheckOwner.
-  absl::Status CheckOwnerBytes(const std::string& owner, uint64_t more) {
-    return keeper_.CheckOwner(owner, more);
-  }
-  // Claims the disk space of an upload, before its first byte. blob: its SHA-256, or empty for
-  // several blobs. Errors: those of DiskKeeper::ClaimUpload.
-  absl::StatusOr<UploadClaim> ClaimUpload(const std::string& blob, uint64_t bytes) {
-    return keeper_.ClaimUpload(blob, bytes, absl::Now());
-  }
-
   struct SynchronizeAnswer {
     std::vector<LeaseGrant> leases;
     absl::Duration next_synchronize;
@@ -159,110 +145,11 @@ class Farm : public FarmView {
   // Errors: those of Scheduler::Synchronize.
   absl::StatusOr<SynchronizeAnswer> Synchronize(WorkerReport report);
 
-  // OK means: the outcome is durable.
-  // Errors: those of ResultIntake::Add.
-  absl::StatusOr<ResultOutcome> AddResult(const ResultReport& report, const std::string& bytes) {
-    return intake_.Add(report, bytes);
-  }
-  // Errors: those of ResultIntake::AddStored and TicketFor.
-  absl::StatusOr<ResultOutcome> AddStoredResult(const ResultReport& report) {
-    return intake_.AddStored(report);
-  }
-  absl::StatusOr<std::optional<PutTicket>> TicketFor(const ResultReport& report) {
-    return intake_.TicketFor(report);
-  }
-
-  // Errors: those of ResultIntake::ReadField.
-  absl::StatusOr<std::string> ReadGuidingField(const FrameId& id, const BlobDigest& digest) {
-    return intake_.ReadField(id, digest);
-  }
-
-  // Errors: those of TaskReports::Find.
-  absl::StatusOr<TaskReport> FindTask(uint64_t job_id, std::optional<int32_t> frame,
-                                      std::optional<uint32_t> task) const {
-    return task_reports_.Find(job_id, frame, task);
-  }
-  // The bytes of a guiding field that a TaskReport names. Errors: those of JobStore::ReadPart.
-  absl::StatusOr<std::string> ReadPart(const PartRow& row) { return store_->ReadPart(row); }
-
-  // As JobControl has it.
+  // As JobControl has them. The other functions of jobs are verbs.
   absl::Status LiftQuarantine(const std::string& identity) {
     return lifecycle_.LiftQuarantine(identity);
   }
-
-  // Weights and limits of users, shows and pools.
-  ShareControl& share_control() { return share_control_; }
-
-  // Errors: those of FramePreviews::ReadPixel.
-  absl::StatusOr<PixelView> ReadPixel(const std::string& job_id, int32_t frame_number, int32_t x_px,
-                                      int32_t y_px) const {
-    return previews_.ReadPixel(job_id, frame_number, x_px, y_px);
-  }
-
-  // Path of a delivered EXR. Errors: kNotFound, kFailedPrecondition (not delivered yet, or damaged
-  // on disk and being made again).
-  absl::StatusOr<std::string> FindOutput(uint64_t job_id, int32_t frame_number) const {
-    return images_.Find(job_id, frame_number);
-  }
-
-  // FarmView.
-  std::vector<JobView> ListJobs() const override { return job_views_.List(); }
-  // The same with pilots.
-  std::vector<JobView> ListJobsAndPilots() const { return job_views_.ListWithPilots(); }
-  // As JobControl has it.
   void NotePilotRequest(uint64_t job_id) { lifecycle_.NotePilotRequest(job_id); }
-  absl::StatusOr<JobView> FindJob(const std::string& job_id) const override {
-    return job_views_.Find(job_id, /*with_frames=*/true);
-  }
-  // As in ListJobs: without its frames. Errors: kNotFound.
-  absl::StatusOr<JobView> FindJobChanges(const std::string& job_id,
-                                         FrameMarks* marks) const override {
-    return job_views_.FindChanges(job_id, marks);
-  }
-  // Whether the job exists and has not ended. Cheap.
-  bool IsLive(const std::string& job_id) const { return job_views_.IsLive(job_id); }
-  absl::StatusOr<JobView> FindJobAlone(const std::string& job_id) const {
-    return job_views_.Find(job_id, /*with_frames=*/false);
-  }
-  absl::StatusOr<std::vector<FailureView>> ListFailures(const std::string& job_id) const override {
-    return worker_views_.ListFailures(job_id);
-  }
-  absl::StatusOr<std::vector<JobEvent>> ListEvents(const std::string& job_id) const override {
-    return worker_views_.ListEvents(job_id);
-  }
-  absl::StatusOr<RefinementPrices> PriceRefinement(
-      const std::string& job_id, const std::vector<double>& target_errors) const override {
-    return pricing_.Price(job_id, target_errors);
-  }
-  std::vector<WorkerView> ListWorkers() const override { return worker_views_.List(); }
-  std::vector<MetricView> Metrics() const override;
-  absl::StatusOr<PreviewView> Preview(const std::string& job_id, int32_t frame_number,
-                                      const std::vector<std::string>& channels) const override {
-    return previews_.Preview(job_id, frame_number, channels);
-  }
-  absl::StatusOr<PreviewView> Thumbnail(const std::string& job_id,
-                                        int32_t frame_number) const override {
-    return previews_.Thumbnail(job_id, frame_number);
-  }
-  absl::StatusOr<PreviewView> RoundPreview(const std::string& job_id, int32_t frame_number,
-                                           int32_t round) const override {
-    return previews_.RoundPreview(job_id, frame_number, round);
-  }
-  // Whether the disk takes writes.
-  absl::Status Ready() const { return disk_.Last(); }
-  std::vector<ReadyCondition> Conditions() const override {
-    return {{"database", disk_.Last()}, {"disk", keeper_.CheckFreeSpace()}};
-  }
-  uint64_t ChangeCount() const override { return signals_.ChangeCount(); }
-  uint64_t WaitForChange(uint64_t seen, absl::Duration timeout) const override {
-    return signals_.WaitForChange(seen, timeout);
-  }
-  // Grows whenever a job has ended.
-  uint64_t EndCount() const { return signals_.EndCount(); }
-  // As WaitForChange, of EndCount.
-  void WaitForEnd(uint64_t seen, absl::Duration timeout) const {
-    signals_.WaitForEnd(seen, timeout);
-  }
 
  private:
   Farm(const FarmOptions& options, std::unique_ptr<JobStore> store,
@@ -317,6 +204,7 @@ class Farm : public FarmView {
   RefinementPricing pricing_;
   FarmMetrics metrics_;
   std::unique_ptr<Scrubber> scrubber_;  // Null if nothing is scrubbed.
+  FarmQueries view_;
   // Last: they use everything above.
   std::thread background_;
   std::jthread scrubbing_;

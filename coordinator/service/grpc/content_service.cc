@@ -76,7 +76,8 @@ grpc::Status ContentService::FindMissing(grpc::ServerContext* /*context*/,
     bytes += std::min(digest.size_bytes, UINT64_MAX - bytes);
   }
   // Before the first byte of the first one: a part of a scene is useless.
-  return ToGrpcStatus(bytes == 0 ? absl::OkStatus() : farm_->ClaimUpload("", bytes).status());
+  return ToGrpcStatus(bytes == 0 ? absl::OkStatus()
+                                 : farm_->keeper().ClaimUpload("", bytes).status());
 }
 
 grpc::Status ContentService::GetWriteStatus(grpc::ServerContext* /*context*/,

@@ -48,7 +48,7 @@ absl::StatusOr<JobView> JobService::Find(const std::string& name) const {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
   if (uint64_t number = 0; absl::SimpleAtoi(*id, &number)) farm_->NotePilotRequest(number);
-  return farm_->FindJob(*id);
+  return farm_->view().FindJob(*id);
 }
 
 absl::Status JobService::RequireFilesOf(const BlobDigest& scene) const {
@@ -109,7 +109,7 @@ absl::StatusOr<JobView> JobService::CreateFor(const std::string& owner,
   if (absl::Status status = RequireRoom(spec->owner); !status.ok()) return status;
   const absl::StatusOr<uint64_t> id = farm_->CreateJob(*std::move(spec), request.request_id());
   if (!id.ok()) return id.status();
-  return farm_->FindJobAlone(absl::StrCat(*id));
+  return farm_->job_views().Find(absl::StrCat(*id), /*with_frames=*/false);
 }
 
 grpc::Status JobService::CreateJob(grpc::ServerContext* context,
@@ -140,7 +140,7 @@ grpc::Status JobService::ListJobs(grpc::ServerContext* /*context*/,
   }
   const int page_size = request->page_size() == 0 ? kJobPageSizeDefault : request->page_size();
   const std::vector<JobView> views =
-      request->with_pilots() ? farm_->ListJobsAndPilots() : farm_->ListJobs();
+      request->with_pilots() ? farm_->job_views().ListWithPilots() : farm_->view().ListJobs();
   auto view = views.begin();
   if (const std::string& token = request->page_token(); !token.empty()) {
     view = std::find_if(views.begin(), views.end(),
@@ -162,7 +162,7 @@ absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context
                                               const JobArguments& arguments) {
   const absl::StatusOr<std::string> id = ParseJobName(name);
   if (!id.ok()) return id.status();
-  const absl::StatusOr<JobView> view = farm_->FindJobAlone(*id);
+  const absl::StatusOr<JobView> view = farm_->job_views().Find(*id, /*with_frames=*/false);
   if (!view.ok()) return view.status();
   absl::Status allowed = RequireJobControl(context, access_, view->owner);
   if (!allowed.ok()) return allowed;
@@ -171,7 +171,7 @@ absl::StatusOr<JobView> JobService::TryChange(const grpc::ServerContext& context
   farm_->NotePilotRequest(number);
   absl::Status changed = farm_->ChangeJob(verb, number, arguments);
   if (!changed.ok()) return changed;
-  return verb == JobVerb::kDeleteJob ? view : farm_->FindJobAlone(*id);
+  return verb == JobVerb::kDeleteJob ? view : farm_->job_views().Find(*id, /*with_frames=*/false);
 }
 
 grpc::Status JobService::Change(const grpc::ServerContext& context, JobVerb verb,
@@ -191,7 +191,7 @@ grpc::Status JobService::ListJobEvents(grpc::ServerContext* /*context*/,
                                        v1::ListJobEventsResponse* response) {
   const absl::StatusOr<std::string> id = ParseJobName(request->name());
   if (!id.ok()) return ToGrpcStatus(id.status());
-  const absl::StatusOr<std::vector<JobEvent>> events = farm_->ListEvents(*id);
+  const absl::StatusOr<std::vector<JobEvent>> events = farm_->view().ListEvents(*id);
   if (!events.ok()) return ToGrpcStatus(events.status());
   for (const JobEvent& event : *events) *response->add_events() = ToWire(event);
   return grpc::Status::OK;
@@ -202,7 +202,7 @@ grpc::Status JobService::PriceRefinement(grpc::ServerContext* /*context*/,
                                          v1::PriceRefinementResponse* response) {
   const absl::StatusOr<std::string> id = ParseJobName(request->name());
   if (!id.ok()) return ToGrpcStatus(id.status());
-  const absl::StatusOr<RefinementPrices> prices = farm_->PriceRefinement(
+  const absl::StatusOr<RefinementPrices> prices = farm_->view().PriceRefinement(
       *id, {request->target_errors().begin(), request->target_errors().end()});
   if (!prices.ok()) return ToGrpcStatus(prices.status());
   *response = ToWire(*prices);
@@ -221,8 +221,8 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
     // A watch does not outlive the permission to watch.
     const absl::Status permitted = CallerOf(*context, access_).status();
     if (!permitted.ok()) return ToGrpcStatus(permitted);
-    const uint64_t seen = farm_->ChangeCount(), ends_seen = farm_->EndCount();
-    if (!farm_->IsLive(*id)) {
+    const uint64_t seen = farm_->view().ChangeCount(), ends_seen = farm_->signals().EndCount();
+    if (!farm_->job_views().IsLive(*id)) {
       const absl::StatusOr<JobView> view = Find(request->name());
       if (!view.ok()) return ToGrpcStatus(view.status());
       if (HasEnded(view->state)) {  // Otherwise it was just retried.
@@ -236,8 +236,8 @@ grpc::Status JobService::WatchJob(grpc::ServerContext* context, const v1::WatchJ
     if (!job.ok()) return ToGrpcStatus(job.status());
     if (*job && !writer->Write(**job)) return grpc::Status::OK;  // The watcher has gone.
     // A client that waits for a job's end learns of it at once.
-    farm_->WaitForEnd(ends_seen, kWatchIntervalMin);
-    farm_->WaitForChange(seen, kWatchIntervalMin);
+    farm_->signals().WaitForEnd(ends_seen, kWatchIntervalMin);
+    farm_->view().WaitForChange(seen, kWatchIntervalMin);
   }
   return stopping_ ? ToGrpcStatus(absl::UnavailableError("the coordinator is stopping"))
                    : grpc::Status::OK;
@@ -251,7 +251,7 @@ grpc::Status JobService::ReadFrameOutput(grpc::ServerContext* context,
   if (!stream.ok()) return ToGrpcStatus(stream.status());
   const absl::StatusOr<FrameId> id = ParseFrameName(request->name());
   if (!id.ok()) return ToGrpcStatus(id.status());
-  const absl::StatusOr<std::string> path = farm_->FindOutput(id->job_id, id->frame_number);
+  const absl::StatusOr<std::string> path = farm_->images().Find(id->job_id, id->frame_number);
   if (!path.ok()) return ToGrpcStatus(path.status());
   std::ifstream file(*path, std::ios::binary);
   if (!file) return ToGrpcStatus(absl::DataLossError(*path + ": the delivered image is missing"));
@@ -270,7 +270,8 @@ grpc::Status JobService::ReadFrameOutput(grpc::ServerContext* context,
 grpc::Status JobService::ListWorkers(grpc::ServerContext* /*context*/,
                                      const v1::ListWorkersRequest* /*request*/,
                                      v1::ListWorkersResponse* response) {
-  for (const WorkerView& view : farm_->ListWorkers()) *response->add_workers() = ToWire(view);
+  for (const WorkerView& view : farm_->view().ListWorkers())
+    *response->add_workers() = ToWire(view);
   return grpc::Status::OK;
 }
 

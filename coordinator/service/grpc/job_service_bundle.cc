@@ -94,7 +94,7 @@ absl::StatusOr<TaskReport> JobService::FindTask(const grpc::ServerContext& conte
   if (request.has_task() && !request.has_frame_number()) {
     return absl::InvalidArgumentError("task: needs the frame_number, too");
   }
-  const absl::StatusOr<JobView> view = farm_->FindJobAlone(*id);
+  const absl::StatusOr<JobView> view = farm_->job_views().Find(*id, /*with_frames=*/false);
   if (!view.ok()) return view.status();
   absl::Status allowed = RequireJobControl(context, access_, view->owner);
   if (!allowed.ok()) return allowed;
@@ -104,7 +104,7 @@ absl::StatusOr<TaskReport> JobService::FindTask(const grpc::ServerContext& conte
   if (request.has_task()) task = request.task();
   uint64_t number = 0;
   if (!absl::SimpleAtoi(*id, &number)) return absl::NotFoundError("no such job");
-  return farm_->FindTask(number, frame, task);
+  return farm_->task_reports().Find(number, frame, task);
 }
 
 grpc::Status JobService::ReadTaskBundle(grpc::ServerContext* context,
@@ -131,7 +131,8 @@ grpc::Status JobService::ReadTaskBundle(grpc::ServerContext* context,
   SendBytes(report->spec.scene, *manifest_bytes, writer);
   std::set<std::string> sent{report->spec.scene.sha256_hex};
   if (report->guiding_field && sent.insert(report->guiding_field->digest.sha256_hex).second) {
-    const absl::StatusOr<std::string> field = farm_->ReadPart(*report->guiding_field);
+    const absl::StatusOr<std::string> field =
+        farm_->task_reports().ReadField(*report->guiding_field);
     if (!field.ok()) return ToGrpcStatus(absl::FailedPreconditionError(field.status().message()));
     SendBytes(report->guiding_field->digest, *field, writer);
   }

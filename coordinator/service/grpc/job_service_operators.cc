@@ -88,7 +88,7 @@ grpc::Status JobService::ListShares(grpc::ServerContext* /*context*/,
 
 void JobService::AddWorkers(const std::vector<std::string>& ids,
                             google::protobuf::RepeatedPtrField<v1::Worker>* workers) const {
-  for (const WorkerView& view : farm_->ListWorkers()) {
+  for (const WorkerView& view : farm_->view().ListWorkers()) {
     if (std::ranges::binary_search(ids, view.worker_id)) *workers->Add() = ToWire(view);
   }
 }
@@ -99,7 +99,7 @@ grpc::Status JobService::DrainWorkers(grpc::ServerContext* context,
   const absl::StatusOr<ChosenWorkers> chosen = ChosenBy(request->names(), request->host());
   if (!chosen.ok()) return ToGrpcStatus(chosen.status());
   const absl::StatusOr<std::vector<std::string>> ids =
-      farm_->DrainWorkers(*chosen, request->then_exit());
+      farm_->drains().Drain(*chosen, request->then_exit());
   if (!ids.ok()) {
     NoteInAudit(*context, access_, "DrainWorkers", "nothing", ids.status());
     return ToGrpcStatus(ids.status());
@@ -116,7 +116,7 @@ grpc::Status JobService::UndrainWorkers(grpc::ServerContext* context,
                                         v1::UndrainWorkersResponse* response) {
   const absl::StatusOr<ChosenWorkers> chosen = ChosenBy(request->names(), request->host());
   if (!chosen.ok()) return ToGrpcStatus(chosen.status());
-  const absl::StatusOr<std::vector<std::string>> ids = farm_->UndrainWorkers(*chosen);
+  const absl::StatusOr<std::vector<std::string>> ids = farm_->drains().Undrain(*chosen);
   if (!ids.ok()) {
     NoteInAudit(*context, access_, "UndrainWorkers", "nothing", ids.status());
     return ToGrpcStatus(ids.status());
@@ -130,7 +130,7 @@ grpc::Status JobService::UndrainWorkers(grpc::ServerContext* context,
 }
 
 absl::Status JobService::RequireRoom(const std::string& owner) const {
-  absl::Status room = farm_->CheckOwnerBytes(owner, /*more=*/0);
+  absl::Status room = farm_->keeper().CheckOwner(owner, /*more=*/0);
   if (!room.ok() && access_ != nullptr) access_->use().NoteRefused(IdentityLimit::kStoredBytes);
   return room;
 }
@@ -182,7 +182,7 @@ grpc::Status JobService::CollectGarbage(grpc::ServerContext* context,
                                         const v1::CollectGarbageRequest* request,
                                         v1::CollectGarbageResponse* response) {
   const absl::StatusOr<std::vector<RemovalView>> removals =
-      farm_->CollectGarbage(request->dry_run());
+      farm_->keeper().CollectForPeople(request->dry_run());
   if (!request->dry_run()) {
     const std::string what =
         removals.ok() ? absl::StrCat(removals->size(), " removals") : std::string("nothing");

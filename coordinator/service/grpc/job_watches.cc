@@ -13,7 +13,7 @@ namespace sheaf::coordinator {
 absl::StatusOr<std::optional<v1::Job>> JobWatch::Next(uint64_t* version, bool changes_only) {
   const MutexLock lock(&mutex_);
   const SteadyTime now = SteadyTime::Now();
-  const bool is_due = now >= next_look_ && changes_seen_ != farm_.ChangeCount();
+  const bool is_due = now >= next_look_ && changes_seen_ != farm_.view().ChangeCount();
   if (version_ == 0 || is_due) {
     if (absl::Status looked = Look(); !looked.ok()) return looked;
   }
@@ -34,8 +34,8 @@ absl::Status JobWatch::Look() {
   ++look_count_;
   const double start_seconds = ThreadCpuSeconds();
   changes_seen_ =
-      farm_.ChangeCount();  // First, so that a change during the update causes another one.
-  const absl::StatusOr<JobView> view = farm_.FindJobChanges(job_id_, &marks_);
+      farm_.view().ChangeCount();  // First, so that a change during the update causes another one.
+  const absl::StatusOr<JobView> view = farm_.view().FindJobChanges(job_id_, &marks_);
   if (!view.ok()) return view.status();
   v1::Job job = ToWire(*view);
   const uint64_t next = version_ + 1;

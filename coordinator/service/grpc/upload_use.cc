@@ -14,7 +14,7 @@ namespace {
 
 absl::Status RequireRoom(const grpc::ServerContext& context, Farm* farm, AccessControl* access,
                          const char* operation, uint64_t size_bytes) {
-  absl::Status room = farm->CheckOwnerBytes(OwnerOf(context), size_bytes);
+  absl::Status room = farm->keeper().CheckOwner(OwnerOf(context), size_bytes);
   if (room.ok() || access == nullptr) return room;
   access->use().NoteRefused(IdentityLimit::kStoredBytes);
   access->NoteRefused(absl::StrCat(CallerIdentity(context), " at ", context.peer()), operation,
@@ -27,7 +27,7 @@ absl::Status RequireRoom(const grpc::ServerContext& context, Farm* farm, AccessC
 absl::StatusOr<UploadClaim> BeginUpload(const grpc::ServerContext& context, Farm* farm,
                                         AccessControl* access, const char* operation,
                                         const std::string& blob, uint64_t size_bytes) {
-  absl::StatusOr<UploadClaim> claim = farm->ClaimUpload(blob, size_bytes);
+  absl::StatusOr<UploadClaim> claim = farm->keeper().ClaimUpload(blob, size_bytes);
   if (!claim.ok()) return claim;
   if (absl::Status room = RequireRoom(context, farm, access, operation, size_bytes); !room.ok()) {
     return room;

@@ -75,8 +75,9 @@ class ResultAssembly {
   // Gives the current result, if any, to the farm.
   absl::Status Finish() {
     if (!report_) return absl::OkStatus();
-    const absl::StatusOr<ResultOutcome> outcome =
-        report_->is_stored ? farm_->AddStoredResult(*report_) : farm_->AddResult(*report_, bytes_);
+    const absl::StatusOr<ResultOutcome> outcome = report_->is_stored
+                                                      ? farm_->intake().AddStored(*report_)
+                                                      : farm_->intake().Add(*report_, bytes_);
     report_.reset();
     bytes_.clear();
     if (!outcome.ok()) return outcome.status();
@@ -138,7 +139,7 @@ grpc::Status WorkerService::PlanUploads(grpc::ServerContext* context,
   for (const v1::ResultHeader& header : request->results()) {
     const absl::StatusOr<ResultReport> report = ReportOf(header, *farm_, identity);
     if (!report.ok()) return ToGrpcStatus(report.status());
-    const absl::StatusOr<std::optional<PutTicket>> ticket = farm_->TicketFor(*report);
+    const absl::StatusOr<std::optional<PutTicket>> ticket = farm_->intake().TicketFor(*report);
     if (!ticket.ok()) return ToGrpcStatus(ticket.status());
     v1::UploadTicket* const wire = response->add_tickets();
     if (!ticket->has_value()) continue;
@@ -162,7 +163,7 @@ grpc::Status WorkerService::ReadGuidingField(
   if (!id.ok()) return ToGrpcStatus(id.status());
   const absl::StatusOr<BlobDigest> digest = FromWire(request->digest());
   if (!digest.ok()) return ToGrpcStatus(digest.status());
-  const absl::StatusOr<std::string> bytes = farm_->ReadGuidingField(*id, *digest);
+  const absl::StatusOr<std::string> bytes = farm_->intake().ReadField(*id, *digest);
   if (!bytes.ok()) return ToGrpcStatus(bytes.status());
   for (size_t offset = 0; offset < bytes->size(); offset += kStreamChunkBytesMax) {
     v1::ReadGuidingFieldResponse response;

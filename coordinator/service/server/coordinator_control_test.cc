@@ -170,7 +170,7 @@ TEST_F(CoordinatorServerTest, AbandonedPilotsAreCancelled) {
       absl::SleepFor(absl::Milliseconds(20));
     }
   }
-  const auto state = [&] { return server_->farm().FindJob(pilot.substr(5))->state; };
+  const auto state = [&] { return server_->farm().view().FindJob(pilot.substr(5))->state; };
   const absl::Time deadline = absl::Now() + kPatience;
   while (state() != JobState::kCancelled && absl::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(20));

@@ -72,7 +72,7 @@ class DamageTest : public CoordinatorServerTest {
     absl::StatusOr<std::string> path;
     Eventually([&] {
       EXPECT_TRUE(worker.RenderAll().ok());
-      path = server_->farm().FindOutput(1, 1);
+      path = server_->farm().images().Find(1, 1);
       return path.ok();
     });
     EXPECT_TRUE(path.ok()) << path.status();
@@ -127,9 +127,9 @@ TEST_F(DamageTest, AlteredImagesAreRemadeFromParts) {
   Start();
   const v1::Job job = RenderedJob();
   const double accepted = Counter("sheaf_results_accepted_total");
-  const std::string path = *server_->farm().FindOutput(1, 1);
+  const std::string path = *server_->farm().images().Find(1, 1);
   Alter(path);
-  const absl::Status status = server_->farm().FindOutput(1, 1).status();
+  const absl::Status status = server_->farm().images().Find(1, 1).status();
   EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(status.message()), HasSubstr("being recreated"));
   EXPECT_EQ(Remade(), ExpectedDigest(64));
@@ -143,7 +143,7 @@ TEST_F(DamageTest, MissingImagesAreRemadeEvenWithoutSomeParts) {
   Start();
   RenderedJob();
   const double accepted = Counter("sheaf_results_accepted_total");
-  const std::string path = *server_->farm().FindOutput(1, 1);
+  const std::string path = *server_->farm().images().Find(1, 1);
   // Some later block would be cut again, into two tasks.
   const auto is_first_block = [](const std::filesystem::path& part) {
     return part.string().find("-0-") != std::string::npos;
@@ -152,7 +152,7 @@ TEST_F(DamageTest, MissingImagesAreRemadeEvenWithoutSomeParts) {
   Alter(std::find_if(begin(parts), end(parts), is_first_block)->path().string());
   Start();
   std::filesystem::remove(path);
-  EXPECT_FALSE(server_->farm().FindOutput(1, 1).ok());
+  EXPECT_FALSE(server_->farm().images().Find(1, 1).ok());
   EXPECT_EQ(Remade(), ExpectedDigest(64));
   EXPECT_EQ(Counter("sheaf_results_accepted_total"), 1)
       << "one part was rendered again of " << accepted;
@@ -161,8 +161,8 @@ TEST_F(DamageTest, MissingImagesAreRemadeEvenWithoutSomeParts) {
 TEST_F(DamageTest, PreviewsNeverShowAlteredImages) {
   Start();
   RenderedJob();
-  Alter(*server_->farm().FindOutput(1, 1));
-  EXPECT_EQ(server_->farm().Preview("1", 1, {"R"}).status().code(),
+  Alter(*server_->farm().images().Find(1, 1));
+  EXPECT_EQ(server_->farm().view().Preview("1", 1, {"R"}).status().code(),
             absl::StatusCode::kFailedPrecondition);
   EXPECT_EQ(Remade(), ExpectedDigest(64));
 }

@@ -68,14 +68,16 @@ FarmActions ActionsOn(Farm* farm) {
   };
   actions.drain_worker = [farm](const std::string& worker_id, bool drain) -> absl::Status {
     const ChosenWorkers chosen{.worker_ids = {worker_id}, .host = ""};
-    if (drain) return farm->DrainWorkers(chosen, /*then_exit=*/false).status();
-    return farm->UndrainWorkers(chosen).status();
+    if (drain) return farm->drains().Drain(chosen, /*then_exit=*/false).status();
+    return farm->drains().Undrain(chosen).status();
   };
   actions.read_pixel = [farm](const std::string& job, int32_t frame, int32_t x_px, int32_t y_px) {
-    return farm->ReadPixel(job, frame, x_px, y_px);
+    return farm->previews().ReadPixel(job, frame, x_px, y_px);
   };
   actions.list_usage = [farm](const UsageQuery& query) { return farm->ListUsage(query); };
-  actions.collect_garbage = [farm](bool dry_run) { return farm->CollectGarbage(dry_run); };
+  actions.collect_garbage = [farm](bool dry_run) {
+    return farm->keeper().CollectForPeople(dry_run);
+  };
   return actions;
 }
 
@@ -168,7 +170,7 @@ absl::Status CoordinatorServer::StartSubmissions(const CoordinatorOptions& optio
   }
   dropped.write_with_space = [farm = farm_.get()](uint64_t bytes,
                                                   const std::function<absl::Status()>& write) {
-    const absl::StatusOr<UploadClaim> claim = farm->ClaimUpload("", bytes);
+    const absl::StatusOr<UploadClaim> claim = farm->keeper().ClaimUpload("", bytes);
     return claim.ok() ? write() : claim.status();
   };
   const DroppedJobsTo to{farm_.get(), job_service_.get(), access_.get()};
@@ -228,7 +230,7 @@ absl::Status CoordinatorServer::StartHttp(const CoordinatorOptions& options) {
   FarmActions actions = ActionsOn(farm_.get());
   actions.address = [this] { return FarmAddress{shown_port_, access_ != nullptr}; };
   absl::StatusOr<std::unique_ptr<HttpService>> service =
-      HttpService::Start(http, *farm_, std::move(actions));
+      HttpService::Start(http, farm_->view(), std::move(actions));
   if (!service.ok()) return service.status();
   http_ = std::move(*service);
   return absl::OkStatus();

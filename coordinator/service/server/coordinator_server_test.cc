@@ -61,7 +61,8 @@ TEST_F(CoordinatorServerTest, ForeignTextIsMadePrintable) {
   worker.ReportFailure(worker.leases().at(0).lease_id(), v1::LeaseFailure::KIND_INFRASTRUCTURE,
                        "two\nlines");
   ASSERT_TRUE(worker.Synchronize(0).ok());
-  const auto failures = server_->farm().ListFailures(name.substr(std::string("jobs/").size()));
+  const auto failures =
+      server_->farm().view().ListFailures(name.substr(std::string("jobs/").size()));
   ASSERT_TRUE(failures.ok()) << failures.status();
   ASSERT_EQ(failures->size(), 1u);
   EXPECT_EQ(failures->at(0).failure.message, "two\\nlines");
@@ -108,17 +109,18 @@ TEST_F(CoordinatorServerTest, FailuresNameSceneAndRenderCommand) {
   SyntheticWorker worker = MakeWorker("w");
   ASSERT_TRUE(worker.Synchronize(1).ok());
   const v1::Lease lease = worker.leases().at(0);
-  ASSERT_EQ(server_->farm().ListWorkers().at(0).leases.size(), 1u);
-  EXPECT_EQ(server_->farm().ListWorkers()[0].warm_scenes, std::vector<std::string>{"scene.pbrt"});
+  ASSERT_EQ(server_->farm().view().ListWorkers().at(0).leases.size(), 1u);
+  EXPECT_EQ(server_->farm().view().ListWorkers()[0].warm_scenes,
+            std::vector<std::string>{"scene.pbrt"});
   worker.ReportFailure(lease.lease_id(), v1::LeaseFailure::KIND_INFRASTRUCTURE, "no disk");
   ASSERT_TRUE(worker.Synchronize(0).ok());
-  const auto failures = server_->farm().ListFailures(id);
+  const auto failures = server_->farm().view().ListFailures(id);
   ASSERT_TRUE(failures.ok());
   ASSERT_EQ(failures->size(), 1u);
   EXPECT_EQ(failures->at(0).failure.message, "no disk");
   EXPECT_EQ(failures->at(0).command.find("sheaf render scene.pbrt --crop "), 0u);
-  EXPECT_TRUE(absl::IsNotFound(server_->farm().ListFailures("99").status()));
-  EXPECT_TRUE(absl::IsNotFound(server_->farm().ListFailures("x").status()));
+  EXPECT_TRUE(absl::IsNotFound(server_->farm().view().ListFailures("99").status()));
+  EXPECT_TRUE(absl::IsNotFound(server_->farm().view().ListFailures("x").status()));
 }
 
 TEST_F(CoordinatorServerTest, FailuresSurviveRestartsAndRefinements) {
@@ -130,15 +132,15 @@ TEST_F(CoordinatorServerTest, FailuresSurviveRestartsAndRefinements) {
   worker.ReportFailure(worker.leases().at(0).lease_id(), v1::LeaseFailure::KIND_INFRASTRUCTURE,
                        "no disk");
   ASSERT_TRUE(worker.Synchronize(0).ok());
-  const std::string command = server_->farm().ListFailures(id)->at(0).command;
+  const std::string command = server_->farm().view().ListFailures(id)->at(0).command;
   const auto expect_kept = [&] {
-    const auto failures = server_->farm().ListFailures(id);
+    const auto failures = server_->farm().view().ListFailures(id);
     ASSERT_TRUE(failures.ok());
     ASSERT_EQ(failures->size(), 1u);
     EXPECT_EQ(failures->at(0).failure.message, "no disk");
     EXPECT_EQ(failures->at(0).failure.worker_id, "w");
     EXPECT_EQ(failures->at(0).command, command);
-    const absl::StatusOr<JobView> job = server_->farm().FindJob(id);
+    const absl::StatusOr<JobView> job = server_->farm().view().FindJob(id);
     ASSERT_TRUE(job.ok());
     EXPECT_EQ(job->failure_count, 1);
   };
@@ -231,7 +233,7 @@ TEST_F(CoordinatorServerTest, EndedJobsHaveAnEndTime) {
   std::thread looking([&] {
     const absl::Time deadline = absl::Now() + kPatience;
     while (first_ended.state != JobState::kSucceeded && absl::Now() < deadline) {
-      first_ended = *server_->farm().FindJob(id);
+      first_ended = *server_->farm().view().FindJob(id);
     }
   });
   EXPECT_TRUE(MakeWorker("w").RenderAll().ok());
@@ -239,7 +241,7 @@ TEST_F(CoordinatorServerTest, EndedJobsHaveAnEndTime) {
   ASSERT_EQ(first_ended.state, JobState::kSucceeded);
   EXPECT_TRUE(first_ended.end_time.has_value());
   // It no longer changes.
-  EXPECT_EQ(server_->farm().FindJob(id)->end_time, first_ended.end_time);
+  EXPECT_EQ(server_->farm().view().FindJob(id)->end_time, first_ended.end_time);
 }
 
 TEST_F(CoordinatorServerTest, SceneErrorOfTheOnlyWorkerFailsTheJob) {
@@ -274,18 +276,19 @@ TEST_F(CoordinatorServerTest, PreviewFollowsTheResults) {
   v1::CreateJobRequest request = Request(64);
   request.mutable_partition()->set_pass_sample_count(16);
   const std::string id = Create(request).name().substr(5);
-  EXPECT_EQ(server_->farm().Preview(id, 1, kChannels).status().code(),
+  EXPECT_EQ(server_->farm().view().Preview(id, 1, kChannels).status().code(),
             absl::StatusCode::kUnavailable);
-  EXPECT_EQ(server_->farm().Preview(id, 2, kChannels).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(server_->farm().view().Preview(id, 2, kChannels).status().code(),
+            absl::StatusCode::kNotFound);
   SyntheticWorker worker = MakeWorker("w");
   ASSERT_TRUE(worker.Synchronize(1).ok());
   ASSERT_EQ(*worker.RenderOne(), Response::OUTCOME_ACCEPTED);
   absl::StatusOr<PreviewView> preview = absl::UnavailableError("");
   const absl::Time deadline = absl::Now() + kPatience;
   while (!preview.ok() && absl::Now() < deadline) {
-    const uint64_t seen = server_->farm().ChangeCount();
-    preview = server_->farm().Preview(id, 1, kChannels);
-    if (!preview.ok()) server_->farm().WaitForChange(seen, absl::Milliseconds(50));
+    const uint64_t seen = server_->farm().view().ChangeCount();
+    preview = server_->farm().view().Preview(id, 1, kChannels);
+    if (!preview.ok()) server_->farm().view().WaitForChange(seen, absl::Milliseconds(50));
   }
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_FALSE(preview->complete);
@@ -293,11 +296,11 @@ TEST_F(CoordinatorServerTest, PreviewFollowsTheResults) {
   double sum = 0;
   for (const float value : *preview->image.Find("R")) sum += static_cast<double>(value);
   EXPECT_GT(sum, 0);
-  EXPECT_EQ(server_->farm().Preview(id, 1, {"no such"}).status().code(),
+  EXPECT_EQ(server_->farm().view().Preview(id, 1, {"no such"}).status().code(),
             absl::StatusCode::kInternal);
   ASSERT_TRUE(worker.RenderAll().ok());
   Watch("jobs/" + id);
-  preview = server_->farm().Preview(id, 1, kChannels);
+  preview = server_->farm().view().Preview(id, 1, kChannels);
   ASSERT_TRUE(preview.ok()) << preview.status();
   EXPECT_TRUE(preview->complete);
   EXPECT_EQ(preview->image.channel_names, kChannels);

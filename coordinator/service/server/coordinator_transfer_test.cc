@@ -134,7 +134,7 @@ TEST_F(CoordinatorTransferTest, PagesOfVolumesAreCounted) {
   EXPECT_EQ(Counter("sheaf_volume_part_bytes_total"), 12'000);
   EXPECT_EQ(Counter("sheaf_volume_resident_bytes"), 100);
   double pages = 0;
-  for (const MetricView& metric : server_->farm().Metrics()) {
+  for (const MetricView& metric : server_->farm().view().Metrics()) {
     if (metric.name == "sheaf_volume_pages_total") pages += metric.value;
   }
   EXPECT_EQ(pages, 12 + 120);

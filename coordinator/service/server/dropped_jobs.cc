@@ -51,14 +51,14 @@ absl::Status AppendFile(const std::string& folder, const std::string& path, Blob
 // Counts the bytes against the limits of the owner.
 absl::Status StoreBlob(const DroppedJobsTo& to, const std::string& owner, const std::string& folder,
                        const BlobDigest& digest, const v1::PreparedBlob& blob) {
-  absl::Status room = to.farm->CheckOwnerBytes(owner, digest.size_bytes);
+  absl::Status room = to.farm->keeper().CheckOwner(owner, digest.size_bytes);
   if (!room.ok() && to.access != nullptr) to.access->use().NoteRefused(IdentityLimit::kStoredBytes);
   if (!room.ok()) return room;
   absl::StatusOr<BlobWriter> writer = to.farm->blobs().BeginWrite(digest, 0);
   if (absl::IsAlreadyExists(writer.status())) return absl::OkStatus();
   if (!writer.ok()) return writer.status();
   const absl::StatusOr<UploadClaim> claim =
-      to.farm->ClaimUpload(digest.sha256_hex, digest.size_bytes);
+      to.farm->keeper().ClaimUpload(digest.sha256_hex, digest.size_bytes);
   if (!claim.ok()) {
     writer->Discard();
     return claim.status();

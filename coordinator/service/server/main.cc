@@ -332,7 +332,7 @@ int Serve(const CommandLine& line) {
   manager.Ready(absl::StrCat("serving gRPC on port ", (*server)->port()));
   // It answers once it has the farm's lock; no job has the number 0.
   Farm& farm = (*server)->farm();
-  const Watchdog watchdog(&manager, [&farm] { return !farm.FindJob("0").ok(); });
+  const Watchdog watchdog(&manager, [&farm] { return !farm.view().FindJob("0").ok(); });
   int received = 0;
   sigwait(&signals, &received);
   manager.Stopping();

@@ -143,7 +143,7 @@ class CoordinatorServerTest : public ::testing::Test {
   }
   double Counter(const std::string& name) {
     double sum = 0;
-    for (const MetricView& metric : server_->farm().Metrics()) {
+    for (const MetricView& metric : server_->farm().view().Metrics()) {
       if (metric.name == name) sum += metric.value;
     }
     return sum;

@@ -247,4 +247,9 @@ std::vector<MetricView> FarmMetrics::List() const {
   return metrics;
 }
 
+uint64_t FarmMetrics::MergeBytes() const {
+  const MutexLock lock(&tables_.mutex);
+  return static_cast<uint64_t>(tables_.merge_budget.bytes());
+}
+
 }  // namespace sheaf::coordinator

@@ -43,6 +43,8 @@ class FarmMetrics {
 
   // As in FarmView.
   std::vector<MetricView> List() const;
+  // Memory of unfinished tiles and of certificates.
+  uint64_t MergeBytes() const;
 
  private:
   struct LiveFigures {

@@ -44,6 +44,10 @@ class TaskReports {
   // field is not kept); those of the store.
   absl::StatusOr<TaskReport> Find(uint64_t job_id, std::optional<int32_t> number,
                                   std::optional<uint32_t> tile) const;
+  // The bytes of a report's guiding field. Errors: those of JobStore::ReadPart.
+  absl::StatusOr<std::string> ReadField(const PartRow& field) const {
+    return store_.ReadPart(field);
+  }
 
  private:
   absl::StatusOr<TaskReport> Choose(uint64_t job_id, std::optional<int32_t> number,

@@ -129,11 +129,11 @@ class FarmTest : public ::testing::Test {
     result.cpu_duration = kSampleCpu * static_cast<double>(grant.lease.tile_rect.PixelCount()) *
                           static_cast<double>(block.count);
     result.digest = {Sha256Hex(bytes), bytes.size()};
-    return farm_->AddResult(result, bytes).status();
+    return farm_->intake().Add(result, bytes).status();
   }
   // The value of /metrics; NaN if there is none of that name.
   double Metric(const std::string& name) const {
-    for (const MetricView& metric : farm_->Metrics()) {
+    for (const MetricView& metric : farm_->view().Metrics()) {
       if (metric.name == name) return metric.value;
     }
     return std::numeric_limits<double>::quiet_NaN();
@@ -155,7 +155,7 @@ class FarmTest : public ::testing::Test {
   // Renders all that is left of a job, and delivers it. Requires: no background thread.
   void Finish(uint64_t id) {
     const auto succeeded = [&] {
-      return farm_->FindJob(absl::StrCat(id))->state == JobState::kSucceeded;
+      return farm_->view().FindJob(absl::StrCat(id))->state == JobState::kSucceeded;
     };
     for (int i = 0; i < 1000 && !succeeded(); ++i) {
       Work();

@@ -30,9 +30,9 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   const std::string job = absl::StrCat(MakeJob({}));
   store_->full_ = true;
   Work(absl::ZeroDuration(), absl::StatusCode::kResourceExhausted);
-  EXPECT_FALSE(farm_->Ready().ok());
+  EXPECT_FALSE(farm_->view().Conditions().at(0).status.ok());
   EXPECT_EQ(Metric("sheaf_disk_writable"), 0);
-  EXPECT_THAT(farm_->FindJob(job)->waiting_reason, HasSubstr("no space left"));
+  EXPECT_THAT(farm_->view().FindJob(job)->waiting_reason, HasSubstr("no space left"));
   store_->full_ = false;
   const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
   while (!farm_->Ready().ok() && SteadyTime::Now() < deadline) {
@@ -42,9 +42,9 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   EXPECT_EQ(Metric("sheaf_disk_writable"), 1);
   EXPECT_GT(Metric("sheaf_disk_free_bytes"), 0);
   EXPECT_GE(Metric("sheaf_disk_size_bytes"), Metric("sheaf_disk_free_bytes"));
-  EXPECT_EQ(farm_->FindJob(job)->waiting_reason, "");
-  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) Work();
-  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+  EXPECT_EQ(farm_->view().FindJob(job)->waiting_reason, "");
+  while (!farm_->view().FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) Work();
+  EXPECT_TRUE(farm_->view().FindJob(job)->frames[0].complete);
 }
 
 // An end that the disk refuses is written later. A job that is refined meanwhile has none: it keeps
@@ -60,7 +60,7 @@ TEST_F(FarmTest, AJobCanBeRefinedBeforeItsEndIsWritten) {
   store_->refuses_ends_ = false;
   EXPECT_TRUE(farm_->CancelJob(MakeJob({}, 64)).ok());  // Writes all ends that are due.
   ASSERT_GT(store_->PartsBytes(), 0u);
-  const auto view = [&] { return *farm_->FindJob(job); };
+  const auto view = [&] { return *farm_->view().FindJob(job); };
   while (view().state != JobState::kSucceeded && SteadyTime::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
@@ -82,12 +82,12 @@ TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {
   EXPECT_EQ(store_->control_writes_, 4);
   EXPECT_EQ(Metric("sheaf_jobs_paused"), 0);
   EXPECT_GT(Metric("sheaf_work_left_cpu_seconds"), 0);
-  EXPECT_FALSE(farm_->FindJob(absl::StrCat(job))->held);
+  EXPECT_FALSE(farm_->view().FindJob(absl::StrCat(job))->held);
   EXPECT_TRUE(farm_->PauseJob(job).ok());
   EXPECT_EQ(Metric("sheaf_jobs_paused"), 1);
   EXPECT_EQ(Metric("sheaf_jobs_live"), 1) << "it has not ended";
   EXPECT_EQ(Metric("sheaf_work_left_cpu_seconds"), 0) << "nothing of it may be leased";
-  EXPECT_TRUE(farm_->FindJob(absl::StrCat(job))->held);
+  EXPECT_TRUE(farm_->view().FindJob(absl::StrCat(job))->held);
 }
 
 // A second call to cancel a job is not answered before the first is durable: after a power cut the
@@ -133,17 +133,17 @@ TEST_F(FarmTest, JobsAreReadableDuringRoundDecisions) {
   const std::string job = absl::StrCat(MakeJob({.target_error = 1e-6}));
   Work();
   store_->WaitUntilSomeoneIsThere();
-  const auto before = farm_->FindJob(job);
+  const auto before = farm_->view().FindJob(job);
   ASSERT_TRUE(before.ok());
   EXPECT_TRUE(before->frames[0].rounds.empty());
   EXPECT_EQ(before->progress.sample_count_done, 16u * 256u);
   store_->Open();
   const absl::Time deadline = absl::Now() + absl::Seconds(200);
   uint64_t seen = 0;
-  while (farm_->FindJob(job)->frames[0].rounds.empty() && absl::Now() < deadline) {
-    seen = farm_->WaitForChange(seen, absl::Seconds(1));
+  while (farm_->view().FindJob(job)->frames[0].rounds.empty() && absl::Now() < deadline) {
+    seen = farm_->view().WaitForChange(seen, absl::Seconds(1));
   }
-  const auto after = farm_->FindJob(job);
+  const auto after = farm_->view().FindJob(job);
   ASSERT_EQ(after->frames[0].rounds.size(), 1u);
   EXPECT_GT(after->progress.sample_count_total, 16u * 256u);
 }
@@ -156,7 +156,7 @@ TEST_F(FarmTest, RefinedJobTimeCoversAllSamples) {
   const absl::Time deadline = absl::Now() + absl::Seconds(600);
   const auto finish = [&](absl::Duration first_work_time) {
     Work(first_work_time);
-    const auto view = [&] { return *farm_->FindJob(job); };
+    const auto view = [&] { return *farm_->view().FindJob(job); };
     while (view().state != JobState::kSucceeded && absl::Now() < deadline) {
       Work(absl::Milliseconds(2));  // The farm needs its lock as well.
     }
@@ -167,12 +167,12 @@ TEST_F(FarmTest, RefinedJobTimeCoversAllSamples) {
   const double before = finish(absl::Milliseconds(300));
   EXPECT_GE(before, 0.3);
   ASSERT_TRUE(farm_->RefineJob(id, {.refinement = {{}, 512}}).ok());
-  EXPECT_GE(farm_->FindJob(job)->progress.wall_seconds, before);
+  EXPECT_GE(farm_->view().FindJob(job)->progress.wall_seconds, before);
   const double after = finish(absl::Milliseconds(100));
   EXPECT_GE(after, before + 0.1);
   Start();
   store_->Open();
-  EXPECT_NEAR(farm_->FindJob(job)->progress.wall_seconds, after, 1e-6);
+  EXPECT_NEAR(farm_->view().FindJob(job)->progress.wall_seconds, after, 1e-6);
   ASSERT_TRUE(farm_->RefineJob(id, {.refinement = {{}, 1024}}).ok());
   EXPECT_GE(finish(absl::ZeroDuration()), after);
 }
@@ -187,8 +187,8 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
   const auto expected = [&](double pixel_samples) {
     return pixel_samples * absl::ToDoubleSeconds(kSampleCpu) / kUsualThreadUse;
   };
-  const auto progress = [&] { return farm_->FindJob(job)->progress; };
-  while (farm_->FindJob(job)->state != JobState::kSucceeded && absl::Now() < deadline) {
+  const auto progress = [&] { return farm_->view().FindJob(job)->progress; };
+  while (farm_->view().FindJob(job)->state != JobState::kSucceeded && absl::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
   ASSERT_TRUE(farm_->RefineJob(id, {.refinement = {{}, uint64_t{1} << 20}}).ok());
@@ -197,8 +197,8 @@ TEST_F(FarmTest, RemainingTimeCountsOtherJobs) {
   const auto left = static_cast<double>(alone.sample_count_total - alone.sample_count_done);
   ASSERT_GT(left, 0);
   EXPECT_NEAR(*alone.remaining_seconds, expected(left), 0.01 * expected(left));
-  EXPECT_NEAR(*farm_->FindJob(job)->frames[0].progress.remaining_seconds, *alone.remaining_seconds,
-              1e-9);
+  EXPECT_NEAR(*farm_->view().FindJob(job)->frames[0].progress.remaining_seconds,
+              *alone.remaining_seconds, 1e-9);
   // Another job that is smaller gets all of its samples meanwhile.
   const uint64_t other = MakeJob({}, uint64_t{1} << 19);
   const double both = expected(left + 16 * 16 * (1 << 19));
@@ -240,8 +240,8 @@ TEST_F(FarmTest, ADeliveryThatIsLostIsMadeAgain) {
 
   StartWithoutThread();
   store_->Open();
-  EXPECT_NE(farm_->FindJob(absl::StrCat(id))->state, JobState::kSucceeded);
-  EXPECT_FALSE(farm_->FindJob(absl::StrCat(id))->frames[0].complete);
+  EXPECT_NE(farm_->view().FindJob(absl::StrCat(id))->state, JobState::kSucceeded);
+  EXPECT_FALSE(farm_->view().FindJob(absl::StrCat(id))->frames[0].complete);
   {
     const MutexLock lock(&farm_->tables().mutex);
     EXPECT_GT(farm_->tables().scheduler.counters().commits_lost, 1u);
@@ -255,7 +255,7 @@ TEST_F(FarmTest, FramesWithoutAStopRuleHaveACurve) {
   store_->Open();
   const std::string job = absl::StrCat(MakeJob({}));
   const absl::Time deadline = absl::Now() + absl::Seconds(600);
-  const auto rounds = [&] { return farm_->FindJob(job)->frames[0].rounds; };
+  const auto rounds = [&] { return farm_->view().FindJob(job)->frames[0].rounds; };
   Work();
   while (rounds().empty() && absl::Now() < deadline) absl::SleepFor(absl::Milliseconds(10));
   ASSERT_EQ(rounds().size(), 1u);
@@ -263,15 +263,15 @@ TEST_F(FarmTest, FramesWithoutAStopRuleHaveACurve) {
   EXPECT_GT(rounds()[0].relative_mse, 0);
   EXPECT_GT(rounds()[0].relative_mse_upper, rounds()[0].relative_mse);
   EXPECT_GT(rounds()[0].part_bytes, 0u);
-  while (!farm_->FindJob(job)->frames[0].complete && absl::Now() < deadline) Work();
+  while (!farm_->view().FindJob(job)->frames[0].complete && absl::Now() < deadline) Work();
   const std::vector<RoundView> curve = rounds();
   ASSERT_GE(curve.size(), 2u);
   EXPECT_LE(curve.size(), 5u);  // 16, 32, 64, 128 and 256 samples.
   EXPECT_EQ(curve.back().sample_count, 256u * 256u);
-  const double delivered = *farm_->FindJob(job)->frames[0].progress.relative_mse;
+  const double delivered = *farm_->view().FindJob(job)->frames[0].progress.relative_mse;
   EXPECT_NEAR(curve.back().relative_mse, delivered, 1e-6 * delivered);
-  farm_->WaitForEnd(0, absl::Seconds(60));
-  EXPECT_EQ(farm_->EndCount(), 1u);
+  farm_->signals().WaitForEnd(0, absl::Seconds(60));
+  EXPECT_EQ(farm_->signals().EndCount(), 1u);
   for (size_t i = 1; i < curve.size(); ++i) {
     EXPECT_GT(curve[i].sample_count, curve[i - 1].sample_count);
   }

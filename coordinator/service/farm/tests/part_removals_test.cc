@@ -36,10 +36,10 @@ TEST_F(FarmTest, ADamagedPartThatCannotBeRemovedIsReplaced) {
   }
   EXPECT_GT(store_->removals_refused_, 0);
   store_->keeps_parts_ = false;
-  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
+  while (!farm_->view().FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
-  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+  EXPECT_TRUE(farm_->view().FindJob(job)->frames[0].complete);
 }
 
 // Parts are gone when the farm starts, and the disk refuses to remove their rows: their work is
@@ -88,10 +88,10 @@ TEST_F(FarmTest, StartsWithPartsThatOverlap) {
   store_->Open();
   EXPECT_GE(store_->removals_refused_, 1);
   const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
-  while (!farm_->FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
+  while (!farm_->view().FindJob(job)->frames[0].complete && SteadyTime::Now() < deadline) {
     Work(absl::Milliseconds(2));
   }
-  EXPECT_TRUE(farm_->FindJob(job)->frames[0].complete);
+  EXPECT_TRUE(farm_->view().FindJob(job)->frames[0].complete);
 }
 
 // A late result from before a restart is superseded while it is written, and the disk refuses to
@@ -123,7 +123,7 @@ TEST_F(FarmTest, ASupersededPartThatCannotBeRemovedIsNotMerged) {
   Finish(id);
   EXPECT_TRUE(farm_->RefineJob(id, {.refinement = {{}, 512}}).ok());
   Finish(id);
-  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 16u * 16u * 512u);
+  EXPECT_EQ(farm_->view().FindJob(absl::StrCat(id))->progress.sample_count_done, 16u * 16u * 512u);
   const PartKey key{late[0].lease.frame, late[0].lease.tile_rect, late[0].lease.task.block,
                     late[0].lease.cells};
   EXPECT_TRUE(store_->FindPart(key)->has_value());
@@ -145,7 +145,7 @@ TEST_F(FarmTest, AQuarantineIsLiftedAfterFalseResultsAreRemoved) {
   StartWithoutThread();
   store_->Open();
   farm_->RunOnce();
-  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
+  EXPECT_EQ(farm_->view().FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
   EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
   EXPECT_EQ(Lease("w").size(), 1u);
 }
@@ -167,13 +167,13 @@ TEST_F(FarmTest, ACorrectionThatTheDiskDelaysCountsOnce) {
   }
   EXPECT_EQ(store_->FindPartsOf("w")->size(), count - 1);
   EXPECT_EQ(PartsRevoked(), count);
-  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
+  EXPECT_EQ(farm_->view().FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
   store_->removals_allowed_ = INT64_MAX;
   farm_->RunOnce();
   EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
   Finish(id);
   EXPECT_EQ(PartsRevoked(), count);
-  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->frames[0].correction_count, 1);
+  EXPECT_EQ(farm_->view().FindJob(absl::StrCat(id))->frames[0].correction_count, 1);
 }
 
 // A correction fails when its frame is marked already: the next try makes all of it, and counts
@@ -191,12 +191,12 @@ TEST_F(FarmTest, ACorrectionThatFailsIsMadeAsAWhole) {
   store_->refuses_rounds_ = false;
   farm_->RunOnce();
   EXPECT_EQ(PartsRevoked(), count);
-  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
+  EXPECT_EQ(farm_->view().FindJob(absl::StrCat(id))->progress.sample_count_done, 0u);
   EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
   Finish(id);
   StartWithoutThread();
   store_->Open();
-  EXPECT_EQ(farm_->FindJob(absl::StrCat(id))->frames[0].correction_count, 1);
+  EXPECT_EQ(farm_->view().FindJob(absl::StrCat(id))->frames[0].correction_count, 1);
 }
 
 }  // namespace

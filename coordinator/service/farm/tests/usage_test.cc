@@ -116,15 +116,15 @@ TEST_F(FarmUsageTest, UploadsCountForTheirUserUntilOthersShareThem) {
 TEST_F(FarmUsageTest, AUserMayKeepSoMuch) {
   options_.limits.owner_bytes_max = 10;
   StartWithoutThread();
-  EXPECT_TRUE(farm_->CheckOwnerBytes(kLocalOwner, 10).ok());
-  EXPECT_TRUE(absl::IsResourceExhausted(farm_->CheckOwnerBytes(kLocalOwner, 11)));
+  EXPECT_TRUE(farm_->keeper().CheckOwner(kLocalOwner, 10).ok());
+  EXPECT_TRUE(absl::IsResourceExhausted(farm_->keeper().CheckOwner(kLocalOwner, 11)));
   StartWithoutThread();
   MakeJob({});  // Its scene has 7 bytes.
-  EXPECT_TRUE(farm_->CheckOwnerBytes(kLocalOwner, 3).ok());
-  const absl::Status refused = farm_->CheckOwnerBytes(kLocalOwner, 4);
+  EXPECT_TRUE(farm_->keeper().CheckOwner(kLocalOwner, 3).ok());
+  const absl::Status refused = farm_->keeper().CheckOwner(kLocalOwner, 4);
   EXPECT_TRUE(absl::IsResourceExhausted(refused));
   EXPECT_THAT(std::string(refused.message()), HasSubstr("7 bytes of files"));
-  EXPECT_TRUE(farm_->CheckOwnerBytes("ben", 10).ok()) << "others are not held up";
+  EXPECT_TRUE(farm_->keeper().CheckOwner("ben", 10).ok()) << "others are not held up";
   const auto report = farm_->ListUsage({});
   ASSERT_TRUE(report.ok());
   ASSERT_EQ(report->stored.size(), 1u);
@@ -132,7 +132,7 @@ TEST_F(FarmUsageTest, AUserMayKeepSoMuch) {
 }
 
 TEST_F(FarmUsageTest, AFarmOnAHealthyDiskIsReady) {
-  const std::vector<ReadyCondition> conditions = farm_->Conditions();
+  const std::vector<ReadyCondition> conditions = farm_->view().Conditions();
   ASSERT_EQ(conditions.size(), 2u);
   for (const ReadyCondition& condition : conditions) {
     EXPECT_TRUE(condition.status.ok()) << condition.name << ": " << condition.status;
@@ -144,7 +144,7 @@ TEST_F(FarmUsageTest, AFileSystemBelowItsMinimumIsNotReady) {
   const auto space = std::filesystem::space(directory_);
   StartWithoutThread();
   const bool is_short = space.available < space.capacity / kFreeFractionMax;
-  EXPECT_EQ(farm_->Conditions()[1].status.ok(), !is_short);
+  EXPECT_EQ(farm_->view().Conditions()[1].status.ok(), !is_short);
 }
 
 TEST(UserMetricsTest, UsersBeyondTheLimitAreOne) {

@@ -190,9 +190,8 @@ absl::StatusOr<std::vector<Removal>> DiskKeeper::Collect(bool dry_run, absl::Tim
   return RemoveAll(removals, stored->reopen_count, now);
 }
 
-absl::StatusOr<std::vector<RemovalView>> DiskKeeper::CollectForPeople(bool dry_run,
-                                                                      absl::Time now) {
-  const absl::StatusOr<std::vector<Removal>> removals = Collect(dry_run, now);
+absl::StatusOr<std::vector<RemovalView>> DiskKeeper::CollectForPeople(bool dry_run) {
+  const absl::StatusOr<std::vector<Removal>> removals = Collect(dry_run, AgingNow());
   if (!removals.ok()) return removals.status();
   std::vector<RemovalView> views;
   for (const Removal& removal : *removals) {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "common/base/mutex.h"
 #include "common/base/steady_time.h"
@@ -61,8 +62,8 @@ class DiskKeeper {
   // of the store.
   absl::StatusOr<std::vector<Removal>> Collect(bool dry_run, absl::Time now);
 
-  // The same with blobs and uploads together, by reason.
-  absl::StatusOr<std::vector<RemovalView>> CollectForPeople(bool dry_run, absl::Time now);
+  // The same now, with blobs and uploads together, by reason.
+  absl::StatusOr<std::vector<RemovalView>> CollectForPeople(bool dry_run);
 
   void AddMetrics(std::vector<MetricView>* metrics) const;
 
@@ -78,7 +79,8 @@ class DiskKeeper {
   // Claims disk space for the bytes of an upload, in addition to the minimum of free space, the
   // database's reserve and other claims. Makes room if that suffices. blob: its SHA-256, or empty
   // for several. Errors: kResourceExhausted.
-  absl::StatusOr<UploadClaim> ClaimUpload(const std::string& blob, uint64_t bytes, absl::Time now);
+  absl::StatusOr<UploadClaim> ClaimUpload(const std::string& blob, uint64_t bytes,
+                                          absl::Time now = absl::Now());
 
  private:
   struct Stored {
