@@ -83,8 +83,9 @@ JobView UnknownJob() {
 TEST(MessageGoldenTest, ProtosAreUnchanged) {
   std::string text;
   for (const Descriptor* const first :
-       {v1::Job::descriptor(), v1::SynchronizeRequest::descriptor(), v1::Frame::descriptor(),
-        v1::Digest::descriptor(), v1::TaskBundle::descriptor(), v1::PlanWriteResponse::descriptor(),
+       {v1::CreateJobRequest::descriptor(), v1::Job::descriptor(), v1::Worker::descriptor(),
+        v1::SynchronizeRequest::descriptor(), v1::Frame::descriptor(), v1::Digest::descriptor(),
+        v1::TaskBundle::descriptor(), v1::PlanWriteResponse::descriptor(),
         v1::EnrollRequest::descriptor()}) {
     Describe(*first->file(), &text);
   }
