@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
+#include <vector>
 
 #include "cli/exit_code.h"
 
@@ -27,22 +28,17 @@ std::unique_ptr<Command> MakeSubmitCommand();
 std::unique_ptr<Command> MakeWatchCommand();
 std::unique_ptr<Command> MakeListCommand();
 std::unique_ptr<Command> MakeShowCommand();
-std::unique_ptr<Command> MakeCancelCommand();
+// Those that change jobs, in the order of the help.
+std::vector<std::unique_ptr<Command>> MakeChangeCommands();
 std::unique_ptr<Command> MakeDeleteCommand();
 std::unique_ptr<Command> MakeLogsCommand();
 std::unique_ptr<Command> MakeRefineCommand();
-std::unique_ptr<Command> MakePauseCommand();
-std::unique_ptr<Command> MakeResumeCommand();
-std::unique_ptr<Command> MakePriorityCommand();
 std::unique_ptr<Command> MakeRetryCommand();
 std::unique_ptr<Command> MakeKillCommand();
 std::unique_ptr<Command> MakeBundleCommand();
 std::unique_ptr<Command> MakeReproCommand();
 std::unique_ptr<Command> MakeWorkersCommand();
 std::unique_ptr<Command> MakeShareCommand();
-std::unique_ptr<Command> MakePinCommand();
-std::unique_ptr<Command> MakeUnpinCommand();
-std::unique_ptr<Command> MakeReleaseCommand();
 std::unique_ptr<Command> MakeApproveCommand();
 std::unique_ptr<Command> MakeDrainCommand();
 std::unique_ptr<Command> MakeUndrainCommand();

@@ -4,8 +4,10 @@
 // sheaf pause, resume, priority, cancel, pin, unpin, release, retry and kill: commands that change
 // an existing job.
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "cli/commands/control_command.h"
@@ -170,14 +172,24 @@ class KillCommand : public ControlCommand {
 
 }  // namespace
 
-std::unique_ptr<Command> MakePinCommand() { return std::make_unique<NamedCommand>(kPin); }
-std::unique_ptr<Command> MakeUnpinCommand() { return std::make_unique<NamedCommand>(kUnpin); }
-std::unique_ptr<Command> MakeCancelCommand() { return std::make_unique<NamedCommand>(kCancel); }
-std::unique_ptr<Command> MakePauseCommand() { return std::make_unique<NamedCommand>(kPause); }
-std::unique_ptr<Command> MakeResumeCommand() { return std::make_unique<NamedCommand>(kResume); }
-std::unique_ptr<Command> MakeReleaseCommand() { return std::make_unique<NamedCommand>(kRelease); }
+std::vector<std::unique_ptr<Command>> MakeChangeCommands() {
+  std::vector<std::unique_ptr<Command>> commands;
+  const auto add = [&](const NamedVerb& verb) {
+    commands.push_back(std::make_unique<NamedCommand>(verb));
+  };
+  add(kPause);
+  add(kResume);
+  commands.push_back(std::make_unique<PriorityCommand>());
+  add(kCancel);
+  commands.push_back(MakeDeleteCommand());
+  add(kRelease);
+  commands.push_back(MakeApproveCommand());
+  add(kPin);
+  add(kUnpin);
+  return commands;
+}
+
 std::unique_ptr<Command> MakeRetryCommand() { return std::make_unique<RetryCommand>(); }
 std::unique_ptr<Command> MakeKillCommand() { return std::make_unique<KillCommand>(); }
-std::unique_ptr<Command> MakePriorityCommand() { return std::make_unique<PriorityCommand>(); }
 
 }  // namespace sheaf::cli

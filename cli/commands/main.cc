@@ -51,10 +51,7 @@ std::vector<CommandGroup> MakeCommands() {
   groups.push_back(Group("Render on a farm", MakeSubmitCommand(), MakeWatchCommand(),
                          MakeListCommand(), MakeShowCommand(), MakeLogsCommand(),
                          MakeRefineCommand()));
-  groups.push_back(Group("Change jobs", MakePauseCommand(), MakeResumeCommand(),
-                         MakePriorityCommand(), MakeCancelCommand(), MakeDeleteCommand(),
-                         MakeReleaseCommand(), MakeApproveCommand(), MakePinCommand(),
-                         MakeUnpinCommand()));
+  groups.push_back({"Change jobs", MakeChangeCommands()});
   groups.push_back(Group("Failed work", MakeRetryCommand(), MakeKillCommand(), MakeBundleCommand(),
                          MakeReproCommand()));
   groups.push_back(Group("Look after a farm", MakeWorkersCommand(), MakeDrainCommand(),

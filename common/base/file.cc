@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "common/base/status.h"
 #include "common/base/text/utf8.h"
+#include "common/base/write_all.h"
 
 namespace sheaf {
 namespace {
@@ -37,18 +38,6 @@ class Descriptor {
  private:
   int fd_;
 };
-
-absl::Status WriteAll(int fd, std::string_view bytes, const std::string& path) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
-    if (n < 0) {
-      if (errno == EINTR) continue;
-      return StatusFromErrno(errno, absl::StrCat("writing ", path));
-    }
-    bytes.remove_prefix(static_cast<size_t>(n));
-  }
-  return absl::OkStatus();
-}
 
 absl::Status WriteNewFile(const std::string& path, std::string_view bytes, bool sync, mode_t mode) {
   Descriptor file(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode));
@@ -113,6 +102,18 @@ int MakeMissingFolders(const std::string& path) {
 }
 
 }  // namespace
+
+absl::Status WriteAll(int fd, std::string_view bytes, const std::string& path) {
+  while (!bytes.empty()) {
+    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
+    if (n < 0) {
+      if (errno == EINTR) continue;
+      return StatusFromErrno(errno, absl::StrCat("writing ", path));
+    }
+    bytes.remove_prefix(static_cast<size_t>(n));
+  }
+  return absl::OkStatus();
+}
 
 absl::Status WriteFileOnce(const std::string& path, std::string_view bytes) {
   return WriteNewFile(path, bytes, /*sync=*/false, kSecretMode);

@@ -17,6 +17,7 @@
 #include "common/base/digest.h"
 #include "common/base/file.h"
 #include "common/base/status.h"
+#include "common/base/write_all.h"
 #include "common/content/file_descriptor.h"
 
 namespace sheaf {
@@ -50,16 +51,6 @@ absl::StatusOr<BytesByDigest> SplitBytes(const std::vector<BlobDigest>& digests,
   if (bytes.empty()) return by_digest;
   return absl::InvalidArgumentError(
       absl::StrCat(bytes.size(), " bytes more were sent than the blobs have"));
-}
-
-absl::Status WriteAll(int fd, std::string_view bytes, const std::string& path) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return StatusFromErrno(errno, absl::StrCat("writing ", path));
-    bytes.remove_prefix(static_cast<size_t>(n));
-  }
-  return absl::OkStatus();
 }
 
 // Writes a blob's partial file and keeps it locked, as a BlobWriter does. Invalid: another writer

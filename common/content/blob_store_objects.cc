@@ -18,6 +18,7 @@
 #include "common/base/file.h"
 #include "common/base/log.h"
 #include "common/base/status.h"
+#include "common/base/write_all.h"
 #include "common/content/blob_store.h"
 #include "common/content/file_descriptor.h"
 
@@ -31,16 +32,6 @@ constexpr int kFetchesMax = 3;
 
 std::string ObjectKeyOf(const BlobDigest& digest) {
   return absl::StrCat(digest.sha256_hex.substr(0, 2), "/", digest.sha256_hex);
-}
-
-absl::Status WriteBytes(int fd, std::string_view bytes, const std::string& path) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::write(fd, bytes.data(), bytes.size());
-    if (n < 0 && errno == EINTR) continue;
-    if (n < 0) return StatusFromErrno(errno, absl::StrCat("writing ", path));
-    bytes.remove_prefix(static_cast<size_t>(n));
-  }
-  return absl::OkStatus();
 }
 
 // Gives the pieces of an object, in order, to `take`. Errors: also those of take.
@@ -101,7 +92,7 @@ absl::Status BlobStore::FetchTo(const BlobDigest& digest, const std::string& pat
   Sha256 hash;
   absl::Status status = ForEachPiece(objects_, digest, [&](const std::string& piece) {
     hash.Update(piece);
-    return WriteBytes(file.get(), piece, path);
+    return WriteAll(file.get(), piece, path);
   });
   if (!status.ok()) return status;
   if (hash.FinishHex() != digest.sha256_hex) {

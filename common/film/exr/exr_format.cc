@@ -210,21 +210,13 @@ std::string EncodeFrameImage(const FrameImage& whole, const ExrFormat& format) {
     headers.push_back(HeaderOf(image, format, part, headers.empty()));
   }
   MemoryOutput output(0);
-  bool out_of_memory = false;
-  const absl::Status status = Guard([&] {
-    try {
-      Imf::MultiPartOutputFile file(output, headers.data(), static_cast<int>(headers.size()), false,
-                                    0);
-      for (size_t i = 0; i < parts.size(); ++i) {
-        WritePart(image, format, parts[i], static_cast<int>(i), &file);
-      }
-    } catch (const std::bad_alloc&) {
-      out_of_memory = true;
+  WriteToMemory([&] {
+    Imf::MultiPartOutputFile file(output, headers.data(), static_cast<int>(headers.size()), false,
+                                  0);
+    for (size_t i = 0; i < parts.size(); ++i) {
+      WritePart(image, format, parts[i], static_cast<int>(i), &file);
     }
   });
-  if (out_of_memory) throw std::bad_alloc();  // Handled by the caller, as from any other code.
-  // Writing valid planes to memory can fail only through a bug here.
-  SHEAF_CHECK(status.ok());
   return output.Take();
 }
 

@@ -55,20 +55,12 @@ std::string EncodePlanes(Imf::Header header, const std::vector<NamedPlane<const 
   MemoryOutput output(
       kHeaderBytes +
       (raw ? static_cast<size_t>(rect.PixelCount()) * planes.size() * sizeof(float) : 0));
-  bool out_of_memory = false;
-  const absl::Status status = Guard([&] {
+  WriteToMemory([&] {
     for (const auto& plane : planes) header.channels().insert(plane.name, Imf::Channel(Imf::FLOAT));
-    try {
-      Imf::OutputFile file(output, header, 0);
-      file.setFrameBuffer(FrameBufferOf(planes, rect));
-      file.writePixels(header.dataWindow().max.y - header.dataWindow().min.y + 1);
-    } catch (const std::bad_alloc&) {
-      out_of_memory = true;
-    }
+    Imf::OutputFile file(output, header, 0);
+    file.setFrameBuffer(FrameBufferOf(planes, rect));
+    file.writePixels(header.dataWindow().max.y - header.dataWindow().min.y + 1);
   });
-  if (out_of_memory) throw std::bad_alloc();  // Handled by the caller, as from any other code.
-  // Writing valid planes to memory can fail only through a bug here.
-  SHEAF_CHECK(status.ok());
   return output.Take();
 }
 

@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <exception>
+#include <new>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -17,9 +18,10 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "common/base/check.h"
+#include "common/exr/exr_header_scan.h"
 #include "common/film/exr/part_planes.h"
 #include "common/film/tile_geometry.h"
-#include "common/exr/exr_header_scan.h"
 
 namespace sheaf {
 
@@ -62,6 +64,22 @@ absl::Status Guard(const Calls& calls) {
   } catch (const std::exception& error) {
     return absl::DataLossError(absl::StrCat("the EXR file is damaged: ", error.what()));
   }
+}
+
+// Runs calls that write valid planes to memory, which fail only for lack of it. Throws
+// std::bad_alloc, which the caller handles as from any other code.
+template <typename Calls>
+void WriteToMemory(const Calls& calls) {
+  bool out_of_memory = false;
+  const absl::Status status = Guard([&] {
+    try {
+      calls();
+    } catch (const std::bad_alloc&) {
+      out_of_memory = true;
+    }
+  });
+  if (out_of_memory) throw std::bad_alloc();
+  SHEAF_CHECK(status.ok());
 }
 
 constexpr PixelRect RectOf(const ExrWindow& window) {
