@@ -111,6 +111,7 @@ class Farm {
   const FarmMetrics& metrics() const { return metrics_; }
   const TaskReports& task_reports() const { return task_reports_; }
   const FarmSignals& signals() const { return signals_; }
+  const DiskState& disk() const { return disk_; }
   const FarmOptions& options() const { return options_; }
   // For simulations, which check that the tables are consistent.
   FarmTables& tables() { return tables_; }

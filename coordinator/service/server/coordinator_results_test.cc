@@ -198,11 +198,11 @@ TEST_F(CoordinatorServerTest, UnstoredResultsAreNotAcknowledged) {
   std::filesystem::remove_all(parts);
   std::ofstream(parts) << "in the way";
   EXPECT_FALSE(worker.Send(upload).ok());
-  EXPECT_FALSE(server_->farm().Ready().ok());
+  EXPECT_FALSE(server_->farm().disk().Last().ok());
   EXPECT_EQ(Get(name).progress().sample_count_done(), 0u);
   std::filesystem::remove(parts);
   EXPECT_EQ(*worker.Send(upload), Response::OUTCOME_ACCEPTED);
-  EXPECT_TRUE(server_->farm().Ready().ok());
+  EXPECT_TRUE(server_->farm().disk().Last().ok());
 }
 
 // A stranger with invented parts, for work that was not leased to it.

@@ -30,15 +30,15 @@ TEST_F(FarmTest, JobsReportAFullDiskAndRecover) {
   const std::string job = absl::StrCat(MakeJob({}));
   store_->full_ = true;
   Work(absl::ZeroDuration(), absl::StatusCode::kResourceExhausted);
-  EXPECT_FALSE(farm_->view().Conditions().at(0).status.ok());
+  EXPECT_FALSE(farm_->disk().Last().ok());
   EXPECT_EQ(Metric("sheaf_disk_writable"), 0);
   EXPECT_THAT(farm_->view().FindJob(job)->waiting_reason, HasSubstr("no space left"));
   store_->full_ = false;
   const SteadyTime deadline = SteadyTime::Now() + absl::Seconds(600);
-  while (!farm_->Ready().ok() && SteadyTime::Now() < deadline) {
+  while (!farm_->disk().Last().ok() && SteadyTime::Now() < deadline) {
     absl::SleepFor(absl::Milliseconds(10));
   }
-  EXPECT_TRUE(farm_->Ready().ok());
+  EXPECT_TRUE(farm_->disk().Last().ok());
   EXPECT_EQ(Metric("sheaf_disk_writable"), 1);
   EXPECT_GT(Metric("sheaf_disk_free_bytes"), 0);
   EXPECT_GE(Metric("sheaf_disk_size_bytes"), Metric("sheaf_disk_free_bytes"));
