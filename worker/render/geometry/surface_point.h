@@ -146,7 +146,7 @@ template <TraitBits kTraits, typename Plane>
 [[gnu::always_inline]] inline void FinishPoint(const GroupPoint& on, Vec3d rounding,
                                                SurfacePoint* point, [[maybe_unused]] Plane* plane) {
   point->p = ToFloat(on.p);
-  point->p_error = Gamma(1) * Abs(point->p) + ToFloat(rounding);
+  point->p_error = Gamma(1) * render::Abs(point->p) + ToFloat(rounding);
   point->ng = ToFloat(on.ng);
   if constexpr (Has(kTraits, Trait::kCurves)) {
     point->reach = static_cast<float>(on.reach);
