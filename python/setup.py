@@ -19,7 +19,7 @@ from setuptools.command.build_py import build_py
 FOLDER = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(FOLDER)
 # The services of clients, and the files that these import.
-PROTOS = ("bundle", "content", "frame", "job", "worker")
+PROTOS = ("bundle", "content", "farm", "frame", "job", "job_view", "worker")
 
 
 def project_version():

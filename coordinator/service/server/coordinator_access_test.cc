@@ -37,7 +37,7 @@ std::set<std::string> AllOperations() {
   const auto* pool = google::protobuf::DescriptorPool::generated_pool();
   // One message of each file links the file's descriptors in.
   for (const google::protobuf::FileDescriptor* file :
-       {v1::EnrollRequest::descriptor()->file(), v1::Job::descriptor()->file(),
+       {v1::EnrollRequest::descriptor()->file(), v1::CreateJobRequest::descriptor()->file(),
         v1::FindMissingRequest::descriptor()->file(), v1::PlanWriteRequest::descriptor()->file(),
         v1::SynchronizeRequest::descriptor()->file()}) {
     EXPECT_NE(pool->FindFileByName(file->name()), nullptr);
