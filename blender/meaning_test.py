@@ -21,7 +21,7 @@ sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import numpy
 
 import settings_document
-from sheaf_blender import passes
+from sheaf_blender import catchers, passes
 from sheaf_blender.export import placed_nodes, texture_nodes
 from sheaf_blender.scene import (closures, containment, frame_size, image_pixels, materials,
                                  pixel_ops, ray_visibility, report, settings_table,
@@ -363,6 +363,39 @@ class RayVisibilityTest(unittest.TestCase):
             written.directive("LightSource", "point")
         self.assertTrue(written._file.getvalue().endswith(
             'LightSource "point" "string a" "1" "string b" "2"\n'))
+
+
+class CatcherTest(unittest.TestCase):
+    """Pixels: catcher in light, in half shadow, an object, its edge, an object under the catcher,
+    nothing.
+    """
+    RED, FLOOR = numpy.array([0.4, 0.1, 0.1]), numpy.array([0.5, 0.5, 0.5])
+
+    def image(self, *pixels):
+        colors, alpha = zip(*((numpy.zeros(3) + color, part) for color, part in pixels))
+        return numpy.array([colors], numpy.float32), numpy.array([alpha], numpy.float32)
+
+    def composed(self, sky):
+        red, floor = self.RED, self.FLOOR
+        whole = self.image((floor, 1), (floor / 2, 1), (red, 1), ((red + floor) / 2, 1), (floor, 1),
+                           (0, 0))
+        unseen = self.image((0, 0), (0, 0), (red, 1), (red / 2, 0.5), (red, 1), (0, 0))
+        alone = self.image((floor, 1), (floor, 1), (floor, 1), (floor, 1), (floor, 1), (0, 0))
+        covered = numpy.array([[1, 1, 0, 0.5, 1, 0]], numpy.float32)
+        return catchers.composed(whole, unseen, alone, covered, sky)[0]
+
+    def test_alpha_is_shadow_and_objects(self):
+        found = self.composed(None)
+        numpy.testing.assert_allclose(found[:, 3], [0, 0.5, 1, 0.5, 0, 0], atol=1e-6)
+        numpy.testing.assert_allclose(found[:, :3], [(0, 0, 0), (0, 0, 0), self.RED, self.RED / 2,
+                                                     (0, 0, 0), (0, 0, 0)], atol=1e-6)
+
+    def test_the_sky_is_behind(self):
+        found = self.composed(numpy.full((1, 6, 3), 0.8, numpy.float32))
+        numpy.testing.assert_allclose(found[:, 3], numpy.ones(6))
+        numpy.testing.assert_allclose(found[0, :3], [0.8] * 3, rtol=1e-6)
+        numpy.testing.assert_allclose(found[1, :3], [0.4] * 3, rtol=1e-6)
+        numpy.testing.assert_allclose(found[3, :3], self.RED / 2 + 0.4, rtol=1e-6)
 
 
 class FailureTest(unittest.TestCase):

@@ -1,6 +1,7 @@
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
 """The render engine: exports the scene, follows the render, shows its tiles, ends with Esc."""
+import dataclasses
 import os
 import shutil
 import tempfile
@@ -10,7 +11,7 @@ import types
 import bpy
 import numpy
 
-from . import jobs, passes
+from . import catchers, jobs, passes
 from .export.collector import affine
 from .export.scene_export import Settings, export_scene
 from .farm import images, program
@@ -22,6 +23,8 @@ from .scene.report import Report, cause
 # Reports of each scene's last export, by the scene's name; the panel shows them.
 LAST_REPORTS = {}
 REPORT_TEXT = "Sheaf report"
+CATCHER_NOTE = ("Shadow Catcher: it is visible, as other objects; F12 renders its shadows, but not "
+                "in panoramas")
 EYES = ("left", "right")  # Blender's names of the views of stereo cameras.
 
 
@@ -109,6 +112,9 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         exported = export_scene(depsgraph, path, content_folder(), self._settings(scene),
                                 lambda frame, subframe: self.frame_set(frame, subframe),
                                 ViewCamera(self, scene, *views))
+        if ExportOnly.present is not None or not self._has_catchers(exported):
+            for name in sorted(exported.catchers):
+                exported.report.left_out(f'object "{name}"', CATCHER_NOTE)
         keeps_sky = ExportOnly.present is not None or exported.sky.kind == "spherical"
         passes.left_out(scene, depsgraph.view_layer_eval, exported.report, keeps_sky)
         if ExportOnly.present is not None:
@@ -153,13 +159,36 @@ class SheafRenderEngine(bpy.types.RenderEngine):
 
     def _render(self, depsgraph, exported, folder, view):
         scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
-        job = start_job(scene, view_layer, exported, os.path.join(folder, "image.exr"))
         settings = self._settings(scene)
         window = settings.window
         size = ((window[1] - window[0], window[3] - window[2]) if window
                 else (settings.width, settings.height))
         self._add_passes(scene, view_layer)
         place = {"layer": view_layer.name, "view": view}
+        layers = self._layers(depsgraph, exported, os.path.join(folder, "image.exr"), size, place)
+        if layers is None:
+            return
+        cosines = (passes.depth_cosines(exported.view_window, (settings.width, settings.height),
+                                        window) if exported.view_window else None)
+        arrays = passes.arrays(layers, scene, view_layer, cosines)
+        if self._has_catchers(exported):
+            found = self._caught(depsgraph, exported, layers, arrays, folder, view)
+            if found is None:
+                return
+            arrays["Combined"] = found
+        else:
+            self._correct_sky(exported.sky, arrays["Combined"], layers.channels["A"],
+                              passes.hides_sky(scene, view_layer), settings)
+        if exported.holdouts:
+            passes.cut_out(arrays["Combined"], layers, exported.holdouts)
+        self._show(arrays, size, place)
+        for field, value in passes.matte_metadata(layers.metadata, view_layer.name):
+            self.get_result().stamp_data_add_field(field, value)
+
+    def _layers(self, depsgraph, exported, output, size, place):
+        """The Layers of a rendered image; None after Esc. place: for its tiles, or None."""
+        job = start_job(depsgraph.scene_eval, depsgraph.view_layer_eval, exported, output,
+                        self._has_catchers(exported))
         try:
             finished = self._follow(job, size, place)
         except BaseException:
@@ -168,23 +197,41 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         if not finished:
             self.update_stats("", "Sheaf: cancelling")
             job.cancel()
-            return
+            return None
         for note in job.notes:
             print("Sheaf:", note)
         if job.problem:
             self.report({"WARNING"}, f"Sheaf: {job.problem}")
         print(f"Sheaf: {job.preview_count} previews shown", flush=True)
-        cosines = (passes.depth_cosines(exported.view_window, (settings.width, settings.height),
-                                        window) if exported.view_window else None)
-        layers = images.read_layers(job.output)
-        arrays = passes.arrays(layers, scene, view_layer, cosines)
-        self._correct_sky(exported.sky, arrays["Combined"], layers.channels["A"],
-                          passes.hides_sky(scene, view_layer), settings)
-        if exported.holdouts:
-            passes.cut_out(arrays["Combined"], layers, exported.holdouts)
-        self._show(arrays, size, place)
-        for field, value in passes.matte_metadata(layers.metadata, view_layer.name):
-            self.get_result().stamp_data_add_field(field, value)
+        return images.read_layers(job.output)
+
+    @staticmethod
+    def _has_catchers(exported):
+        return bool(exported.catchers) and exported.sky.kind != "spherical"
+
+    def _caught(self, depsgraph, exported, layers, arrays, folder, view):
+        """The image with shadows in place of the catchers; None after Esc."""
+        scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
+        settings = self._settings(scene)
+        size, sky = (settings.width, settings.height), exported.sky
+        lit = sky.radiance(size, settings.window)
+        found = [catchers.without_sky(arrays["Combined"], layers.channels["A"], lit)]
+        for which in (catchers.UNSEEN, catchers.ALONE):
+            other = export_scene(
+                depsgraph, os.path.join(folder, f"{which}.pbrt"), content_folder(),
+                dataclasses.replace(settings, catchers=which),
+                lambda frame, subframe: self.frame_set(frame, subframe),
+                ViewCamera(self, scene, view))
+            other.catchers = exported.catchers
+            image = self._layers(depsgraph, other, os.path.join(folder, f"{which}.exr"), None, None)
+            if image is None:
+                return None
+            found.append(catchers.without_sky(passes.arrays(image, scene, view_layer)["Combined"],
+                                              image.channels["A"], lit))
+        behind = None if scene.render.film_transparent else (
+            numpy.zeros_like(lit) if passes.hides_sky(scene, view_layer) else
+            sky.radiance(size, settings.window, sky.background.seen))
+        return catchers.composed(*found, passes.coverage(layers, exported.catchers), behind)
 
     @staticmethod
     def _correct_sky(sky, combined, alpha, is_hidden, settings):
@@ -218,7 +265,7 @@ class SheafRenderEngine(bpy.types.RenderEngine):
                 fraction, text = program.progress_text(job.state)
                 self.update_progress(fraction)
                 self.update_stats("", f"Sheaf: {text}")
-                pixels = job.preview()
+                pixels = job.preview() if place is not None else None
                 if pixels is not None:
                     self._show_light(pixels, size, place)
             time.sleep(jobs.POLL_SECONDS)
@@ -313,17 +360,18 @@ def job_options(scene, view_layer):
     return found + own.more_options.split()
 
 
-def start_job(scene, view_layer, exported, output):
+def start_job(scene, view_layer, exported, output, has_catchers=False):
+    """has_catchers: whether its random numbers have to be those of other images."""
     own, chosen = scene.sheaf, preferences()
     sheaf = program.find_program(bpy.path.abspath(chosen.program_folder))
     title = f"{bpy.path.basename(bpy.data.filepath) or 'untitled.blend'} {scene.frame_current}"
     options = job_options(scene, view_layer)
-    if exported.has_ray_kinds:
+    if exported.has_ray_kinds or has_catchers:
         options = known_techniques(options)
     arguments = (sheaf, exported.path, output, [
         *options,
         *passes.options(scene, view_layer, exported.groups.has_negative,
-                        bool(exported.holdouts))], title)
+                        bool(exported.holdouts) or has_catchers)], title)
     if own.where == "FARM":
         return jobs.FarmRender(*arguments, address=own.address or chosen.address,
                                insecure=chosen.insecure, http_port=chosen.http_port)

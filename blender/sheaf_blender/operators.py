@@ -13,6 +13,7 @@ from .export.eyes import stereo_options
 from .farm import program
 from .farm.program import SheafError
 from .scene.ray_visibility import known_techniques
+from .scene.report import cause
 
 
 def _farm(context):
@@ -43,6 +44,9 @@ class _SheafOperator(bpy.types.Operator):
         except (SheafError, OSError, RuntimeError) as error:
             words = str(error).replace("Error: Sheaf: ", "").strip()  # The engine's own prefix.
             self.report({"ERROR"}, f"Sheaf: {words}")
+            return {"CANCELLED"}
+        except Exception as error:
+            self.report({"ERROR"}, f"Sheaf: {cause(error)}")
             return {"CANCELLED"}
         return {"FINISHED"}
 

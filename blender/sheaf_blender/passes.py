@@ -220,20 +220,25 @@ def cut_out(combined, layers, names):
     """Takes what the camera sees of the named objects out of the image and its alpha. At their
     edges a pixel loses the part that they cover of its light.
     """
+    combined *= 1 - coverage(layers, names)[..., None]
+
+
+def coverage(layers, names):
+    """(height, width): the part of each pixel in which the camera sees the named objects."""
     manifest = next((value for key, value in layers.metadata.items()
                      if key.startswith("cryptomatte/") and key.endswith("/manifest")
                      and layers.metadata.get(key[:-len("manifest")] + "name") == "CryptoObject"),
                     "{}")
     hashes = json.loads(manifest)
     wanted = numpy.array([int(hashes[name], 16) for name in names if name in hashes], numpy.uint32)
-    covered = numpy.zeros(combined.shape[:2], numpy.float32)
+    covered = numpy.zeros(layers.channels["A"].shape, numpy.float32)
     for level in range(CRYPTOMATTE_LEVELS):
         for number, part in ("RG", "BA"):
             ids = layers.channels.get(f"CryptoObject{level:02d}.{number}")
             if ids is not None:
                 is_wanted = numpy.isin(numpy.ascontiguousarray(ids).view(numpy.uint32), wanted)
                 covered += is_wanted * layers.channels[f"CryptoObject{level:02d}.{part}"]
-    combined *= 1 - numpy.minimum(covered, 1)[..., None]
+    return numpy.minimum(covered, 1)
 
 
 def matte_metadata(metadata, view_layer_name):

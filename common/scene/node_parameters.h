@@ -30,6 +30,11 @@ inline constexpr NodeParameter kNodeDetail = {"detail", 2, 0, kNodeDetailMax};
 inline constexpr NodeParameter kNodeRoughness = {"roughness", 0.5f, 0, kNodeNumberMax};
 inline constexpr NodeParameter kNodeDistortion = {"distortion", 0, -kNodeNumberMax, kNodeNumberMax};
 inline constexpr NodeParameter kNodeDimensions = {"dimensions", 3, 1, 4};
+// How the octaves of a noise are joined.
+inline constexpr NodeParameter kNodeFractal = {"type", 0, 0, 4,
+                                               "fbm multifractal hybrid ridged hetero"};
+inline constexpr NodeParameter kNodeOffset = {"offset", 0, -kNodeNumberMax, kNodeNumberMax};
+inline constexpr NodeParameter kNodeGain = {"gain", 1, 0, kNodeNumberMax};
 // The place in one dimension, and the fourth coordinate in four; "x" is that of the place.
 inline constexpr NodeParameter kNodeW = {"w", 0, -kNodeNumberMax, kNodeNumberMax};
 inline constexpr NodeParameter kNodeWFrom = {"w_from", 0, 0, 1, "value x"};
@@ -44,7 +49,10 @@ enum Noise {
   kNoiseDistortion,
   kNoiseNormalize,
   kNoiseW,
-  kNoiseWFrom
+  kNoiseWFrom,
+  kNoiseType,
+  kNoiseOffset,
+  kNoiseGain
 };
 enum Musgrave {
   kMusgraveType,
@@ -115,16 +123,19 @@ inline constexpr std::array<NodeParameters, 9> kNodeParameters = {{
        kNodeDistortion,
        {"normalize", 1, 0, 1},
        kNodeW,
-       kNodeWFrom}}},
+       kNodeWFrom,
+       kNodeFractal,
+       kNodeOffset,
+       kNodeGain}}},
     {NodeTexture::Kind::kMusgrave,
      "musgrave",
-     {{{"type", 0, 0, 4, "fbm multifractal hybrid ridged hetero"},
+     {{kNodeFractal,
        kNodeScale,
        kNodeDetail,
        {"dimension", 2, 1e-5f, kNodeNumberMax},
        {"lacunarity", 2, 1e-5f, kNodeNumberMax},
-       {"offset", 0, -kNodeNumberMax, kNodeNumberMax},
-       {"gain", 1, 0, kNodeNumberMax},
+       kNodeOffset,
+       kNodeGain,
        kNodeDimensions,
        kNodeW,
        kNodeWFrom}}},

@@ -73,7 +73,8 @@ class Collector:
     instance; lights: [LightPlace].
     """
 
-    def __init__(self, depsgraph, content, images, report, has_motion):
+    def __init__(self, depsgraph, content, images, report, has_motion, catchers=""):
+        """catchers: see scene_export.Settings."""
         self._layer = depsgraph.view_layer_eval
         self._depsgraph, self._content = depsgraph, content
         self._images, self._report, self._has_motion = images, report, has_motion
@@ -82,7 +83,9 @@ class Collector:
         self._seen = {}
         self._shadings = {}
         self._taken = set()
-        self.holdouts = set()  # Names of objects through which the camera sees nothing.
+        self.holdouts = set()  # Names of objects through which the camera sees nothing,
+        self.catchers = set()  # and of those that show only the shadows on them.
+        self._wanted_catchers = catchers
         self._hair_done = set()
 
     def collect(self):
@@ -99,6 +102,8 @@ class Collector:
                     self._hidden_rays(instance, instance_object),
                     motion_key(instance, instance_object),
                     group_of(instance, instance_object)))
+            return
+        if self._wanted_catchers == "alone" and not is_catcher(instance, instance_object):
             return
         is_drawn = self._layer.use_volumes if kind == "VOLUME" else self._layer.use_solid
         hidden = tuple(self._hidden_rays(instance, instance_object))
@@ -135,12 +140,11 @@ class Collector:
         maker = instance.parent if instance.is_instance and instance.parent else instance_object
         if maker.original.holdout_get(view_layer=self._depsgraph.view_layer):
             self.holdouts.add(instance_object.name)
+        elif is_catcher(instance, instance_object):
+            self.catchers.add(instance_object.name)
 
     def _read(self, instance_object, kind):
         name = self._free_name(instance_object.name)
-        if getattr(instance_object, "is_shadow_catcher", False):
-            self._report.left_out(f'object "{instance_object.name}"',
-                                  "Shadow Catcher: it is visible, as other objects")
         if kind in MESH_TYPES:
             return self._read_mesh(name, instance_object, kind)
         corners = [tuple(corner) for corner in instance_object.bound_box]
@@ -171,6 +175,8 @@ class Collector:
         hidden = {ray for ray in RAYS if not all(
             getattr(maker, f"visible_{ray.replace(' ', '_')}", True) for maker in makers)}
         if makers[-1].original.indirect_only_get(view_layer=self._depsgraph.view_layer):
+            hidden.add("camera")
+        if self._wanted_catchers == "unseen" and is_catcher(instance, instance_object):
             hidden.add("camera")
         return [ray for ray in RAYS if ray in hidden]
 
@@ -333,6 +339,12 @@ class Collector:
 def _has_depth(arrays):
     """Whether a mesh is more than one facet in a plane."""
     return arrays is None or len(arrays.triangles) > FLAT_TRIANGLES_MAX
+
+
+def is_catcher(instance, instance_object):
+    """Whether an instance or what makes it is a shadow catcher."""
+    return getattr(instance_object, "is_shadow_catcher", False) or (
+        instance.is_instance and getattr(instance.parent, "is_shadow_catcher", False))
 
 
 def affine(matrix):

@@ -31,7 +31,8 @@ class Exported:
     view_window: tuple  # Edges of the film at distance 1; empty unless perspective.
     sky: object         # A Sky, to take it out of the image.
     groups: object      # LightGroups.
-    holdouts: set       # Names of objects that F12 cuts out of the image.
+    holdouts: set       # Names of objects that F12 cuts out of the image,
+    catchers: set       # and of its shadow catchers.
     has_ray_kinds: bool  # Whether some kinds of rays do not see all.
     seconds: float
     cpu_seconds: float
@@ -77,6 +78,7 @@ class Settings:
     window: tuple = ()  # x0, x1, y0, y1 of the film to render, from the top; empty: all.
     has_groups: bool = True    # Whether the image has layers of light groups,
     is_corrected: bool = True  # and F12 makes the frame of it.
+    catchers: str = ""  # Shadow catchers: "" as usual objects, "unseen" by the camera, or "alone".
 
 
 def export_scene(depsgraph, path, content_root, settings, set_frame, view):
@@ -98,7 +100,8 @@ def export_scene(depsgraph, path, content_root, settings, set_frame, view):
             shutil.copyfileobj(part, file)
     os.replace(temporary, path)
     if content.written:
-        content.prune()
+        with report.guard("content folder"):
+            content.prune()
     return Exported(path, report, window, sky, *others, time.monotonic() - start,
                     time.thread_time() - cpu_start, content.written, content.kept)
 
@@ -112,9 +115,14 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     if view.object is None:
         raise ValueError("the scene has no camera; add one (Add > Camera)")
     images = Images(content, report)
-    shutter = (camera.shutter_of(scene) if depsgraph.view_layer_eval.use_motion_blur else None)
-    collector = Collector(depsgraph, content, images, report, shutter is not None)
-    collector.collect()
+    shutter = None
+    with report.guard("motion blur"):
+        if depsgraph.view_layer_eval.use_motion_blur:
+            shutter = camera.shutter_of(scene)
+    collector = Collector(depsgraph, content, images, report, shutter is not None,
+                          settings.catchers)
+    with report.guard("scene"):
+        collector.collect()
     camera_object = view.object.evaluated_get(depsgraph)
     kind = camera.kind_of(camera_object.data)
     states = [camera.state(view, depsgraph, scene)]
@@ -135,8 +143,9 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
         camera_parameters.update(clips)
     view_now = camera.views_of(states, kind)[0]
     for place in collector.lights:
-        place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
-        place.is_around = lights.is_around(place, view_now)
+        with report.guard(f'light "{place.name}"'):
+            place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
+            place.is_around = lights.is_around(place, view_now)
     sphere = mathutils.Vector((0, 0, 0)), 1.0
     with report.guard("scene"):
         sphere = sphere_of(geometries)
@@ -153,19 +162,22 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
             motion.write_deformed(moved, collector, content, report)
             motion.note_lights(moved, collector, report)
             states += _camera_motion(moved, camera_object, states[0], report)
-    writer.write(geometries, moved)
-    medium = writer.write_camera_medium(
-        inside_of.media_at(geometries, states[0].matrix.translation), camera_object.name)
-    if "float farclip" in clips and (medium or collector.has_media()):
-        report.approximated(f'camera "{camera_object.name}"', "Clip End: volumes end there, too; "
-                            "those of Cycles continue behind it")
+    with report.guard("scene"):
+        writer.write(geometries, moved)
+    medium = ""
+    with report.guard(f'camera "{camera_object.name}"'):
+        medium = writer.write_camera_medium(
+            inside_of.media_at(geometries, states[0].matrix.translation), camera_object.name)
+        if "float farclip" in clips and (medium or collector.has_media()):
+            report.approximated(f'camera "{camera_object.name}"', "Clip End: volumes end there, "
+                                "too; those of Cycles continue behind it")
     options = SceneText(header)
     _write_options(options, settings, shutter)
     _write_camera(options, camera.views_of(states, kind), kind, camera_parameters, medium)
     return (states[0].window if kind == "perspective" else (),
             Sky(background, camera.camera_from_world(states[0].matrix).inverted_safe(),
                 states[0].window, kind), groups, collector.holdouts,
-            text.has_ray_kinds or bool(clips))
+            collector.catchers, text.has_ray_kinds or bool(clips))
 
 
 def _write_sky(text, depsgraph, exposure, images, content, report, groups):
@@ -174,12 +186,13 @@ def _write_sky(text, depsgraph, exposure, images, content, report, groups):
     chosen = getattr(layer, "world_override", None) or depsgraph.scene_eval.world
     background = world.Background()
     if layer.use_sky and chosen is not None:
-        parameters = groups.parameters(getattr(chosen, "lightgroup", ""))
-        hidden = ray_visibility.hidden_from_world(getattr(chosen, "cycles_visibility", None))
-        parameters = {**parameters, **ray_visibility.parameter(hidden, is_lamp=True)}
-        with report.guard(f'world "{chosen.name}"'), text.whole(), text.lights_with(parameters):
-            background = world.write_world(text, depsgraph.scene, chosen, exposure, images,
-                                           content, report)
+        with report.guard(f'world "{chosen.name}"'):
+            parameters = groups.parameters(getattr(chosen, "lightgroup", ""))
+            hidden = ray_visibility.hidden_from_world(getattr(chosen, "cycles_visibility", None))
+            parameters = {**parameters, **ray_visibility.parameter(hidden, is_lamp=True)}
+            with text.whole(), text.lights_with(parameters):
+                background = world.write_world(text, depsgraph.scene, chosen, exposure, images,
+                                               content, report)
     return background
 
 

@@ -38,17 +38,24 @@ class SceneWriter:
     def write(self, geometries, moved):
         """moved: a motion.Motion; None without motion blur."""
         # Media add up, unless the surfaces name the world's outside.
-        for name, other in inside_of.overlaps(geometries) if self._around else ():
-            self._report.approximated(f'object "{name}"', f'its volume and that of "{other}" meet '
-                                      "in the world's: one of them counts where Cycles has both")
-        for geometry in (placed for each in geometries for placed in placed_nodes.by_place(each)):
-            if not geometry.parts and not geometry.strands and geometry.medium_grid is None:
-                continue
-            names = [self._prepare(part.shading) for part in geometry.parts]
-            for shading, _ in geometry.strands:
-                self._prepare(shading)
-            with self._report.guard(_item(geometry)), self._text.whole():
-                self._write_geometry(geometry, names, moved)
+        with self._report.guard("volumes"):
+            for name, other in inside_of.overlaps(geometries) if self._around else ():
+                self._report.approximated(f'object "{name}"', f'its volume and that of "{other}" '
+                                          "meet in the world's: one of them counts where Cycles "
+                                          "has both")
+        for geometry in geometries:
+            with self._report.guard(f'object "{geometry.name}"'):
+                for placed in placed_nodes.by_place(geometry):
+                    self._write_placed(placed, moved)
+
+    def _write_placed(self, geometry, moved):
+        if not geometry.parts and not geometry.strands and geometry.medium_grid is None:
+            return
+        names = [self._prepare(part.shading) for part in geometry.parts]
+        for shading, _ in geometry.strands:
+            self._prepare(shading)
+        with self._report.guard(_item(geometry)), self._text.whole():
+            self._write_geometry(geometry, names, moved)
 
     def _write_geometry(self, geometry, names, moved):
         self._write_flat_ones(geometry, names)

@@ -94,10 +94,19 @@ _SOCKETS = {
 _DIMENSIONS = {"1D": 1, "2D": 2, "3D": 3, "4D": 4}
 
 
+_FRACTALS = {"FBM": "fbm", "MULTIFRACTAL": "multifractal", "HYBRID_MULTIFRACTAL": "hybrid",
+             "RIDGED_MULTIFRACTAL": "ridged", "HETERO_TERRAIN": "hetero"}
+
+
 def _noise(node):
     dimensions = _DIMENSIONS.get(node.node.noise_dimensions)
-    if dimensions is None or getattr(node.node, "noise_type", "FBM") != "FBM":
+    kind = _FRACTALS.get(getattr(node.node, "noise_type", "FBM"))  # Since Blender 4.1.
+    if dimensions is None or kind is None:
         return None
+    if kind != "fbm":
+        numbers = node.numbers("scale", "detail", "roughness", "lacunarity", "distortion", "offset",
+                               "gain")
+        return node.value("noise", (("type", kind), *numbers), _WIDE, True, dimensions=dimensions)
     normalized = getattr(node.node, "normalize", True)
     numbers = node.numbers("scale", "detail", "roughness", "lacunarity", "distortion")
     if node_links.input_of(node.place, "Lacunarity") is None:  # Until Blender 3.6.
@@ -106,13 +115,9 @@ def _noise(node):
                       (0.0, 1.0) if normalized else _WIDE, True, dimensions=dimensions)
 
 
-_MUSGRAVE_TYPES = {"FBM": "fbm", "MULTIFRACTAL": "multifractal", "HYBRID_MULTIFRACTAL": "hybrid",
-                   "RIDGED_MULTIFRACTAL": "ridged", "HETERO_TERRAIN": "hetero"}
-
-
 def _musgrave(node):
     numbers = node.numbers("scale", "detail", "dimension", "lacunarity", "offset", "gain")
-    return node.value("musgrave", (("type", _MUSGRAVE_TYPES[node.node.musgrave_type]), *numbers),
+    return node.value("musgrave", (("type", _FRACTALS[node.node.musgrave_type]), *numbers),
                       _WIDE, outputs=("Fac", "Height"),
                       dimensions=_DIMENSIONS[node.node.musgrave_dimensions])
 

@@ -87,7 +87,8 @@ TABLE = {
         handled("visible_camera visible_diffuse visible_glossy visible_transmission "
                 "visible_volume_scatter visible_shadow"),
         handled("is_holdout", "F12 cuts it out of the image; frames of one job report it"),
-        reported("is_shadow_catcher", ELSEWHERE, "Shadow Catcher: it is visible, as other objects"),
+        handled("is_shadow_catcher", "F12 divides images with and without the other objects; "
+                "frames of one job and panoramas report it"),
         handled("lightgroup"),
         reported("light_linking", ELSEWHERE, "Light Linking: all lights light it"),
     ),

@@ -50,6 +50,13 @@ def compare(folder, scene):
     return ((means[1] - means[0]) / numpy.maximum(means[0], least)).tolist()
 
 
+def alpha_difference(folder, scene):
+    """The mean of the differences of alpha; 0 where an image has none."""
+    first, second = (read_all(folder / f"{scene}.{engine}.exr").get("A")
+                     for engine in ("cycles", "sheaf"))
+    return 0.0 if first is None or second is None else float(abs(first - second).mean())
+
+
 def blocks_apart(folder, scene):
     """(count of blocks that differ, blocks, the largest difference as a fraction of the image)."""
     cycles, sheaf = (read(folder / f"{scene}.{engine}.exr")

@@ -54,11 +54,13 @@ def main():
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--programs", type=pathlib.Path,
                         default=os.environ.get("SHEAF_BIN", run.ROOT / "build/release/bin"))
+    parser.add_argument("--trixie", action="store_true", help="Blender 4.3, in a chroot")
     parser.add_argument("--keep", type=pathlib.Path, help="folder for images and PNGs")
     arguments = parser.parse_args()
     arguments.programs = pathlib.Path(arguments.programs).resolve()
-    arguments.trixie = False
     run.install()
+    if arguments.trixie:
+        run.install_trixie()
     if sys.executable != "/usr/bin/python3":  # Only Debian's Python sees its OpenImageIO.
         os.execv("/usr/bin/python3", ["/usr/bin/python3", *sys.argv])
     import compare
@@ -72,6 +74,8 @@ def main():
     failed = 0
     for path in found[:FILES_MAX]:
         name = re.sub(r"\W", "_", "_".join(path.with_suffix("").parts[-2:]))
+        if arguments.trixie:  # The chroot has the bench's folder.
+            path = pathlib.Path(shutil.copy(path, folder / f"{name}.blend"))
         try:
             failed += not render_file(bench, compare, path.resolve(), name)
         except (run.Failed, OSError, ValueError) as failure:

@@ -16,6 +16,7 @@ import numpy
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import in_blender
 import scenes
+import scenes_catchers
 import scenes_colors
 import scenes_findings
 import scenes_layers
@@ -532,6 +533,23 @@ def test_noise_of_one_and_four_dimensions():
     lines = scenes_patterns.known(scenes_patterns.LINES)
     case.has('"float dimensions" 1', sum("1D" in node[1].values() for node in lines))
     case.has('"string w_from" "x"', sum(node[4] in ("X", "Y") for node in lines))
+
+
+def test_shadow_catchers():
+    case = Case(scenes_catchers.catcher_with_hidden)
+    for name in ("Plane", "Stand"):
+        case.says(f'object "{name}": Shadow Catcher: it is visible')
+    check(case.exported.catchers == {"Plane", "Stand"}, f"catchers: {case.exported.catchers}")
+
+
+def test_types_of_noise():
+    if bpy.app.version < (4, 1, 0):
+        print("  skipped: Noise has types since Blender 4.1")
+        return
+    case = Case(scenes_patterns.patterns_fractals)
+    case.is_silent()
+    for kind in ("multifractal", "hybrid", "ridged", "hetero"):
+        case.has(f'"string type" "{kind}".*"float offset"')
 
 
 def test_submit_frames_asks_the_farm_before_it_exports():

@@ -17,6 +17,7 @@ import scenes_findings
 import scenes_layers
 import scenes_meaning
 import scenes_more
+import scenes_catchers
 import scenes_colors
 import scenes_patterns
 import scenes_rays
@@ -29,9 +30,12 @@ def build(name, folder):
     if name.startswith("handled"):
         random_scenes.handled(int(name[7:]))(builder)
         return builder.scene
+    if name.startswith("wild"):
+        random_scenes.RandomScene(builder, int(name[4:])).build()
+        return builder.scene
     module = next(module for module in (scenes, scenes_more, scenes_findings, scenes_meaning,
                                     scenes_colors, scenes_layers, scenes_patterns,
-                                    scenes_rays)
+                                    scenes_rays, scenes_catchers)
                   if hasattr(module, name))
     getattr(module, name)(builder)
     return builder.scene
@@ -50,6 +54,13 @@ def use_sheaf(scene, samples):
         preferences.address = os.environ["SHEAF_TEST_FARM"]
         preferences.http_port = int(os.environ["SHEAF_TEST_HTTP_PORT"])
     return preferences
+
+
+def make_worlds_small():
+    """Maps that Cycles renders in a second; random worlds have no small sun."""
+    bpy.ops.preferences.addon_enable(module="sheaf_blender")
+    from sheaf_blender.export import world_bake
+    world_bake.WIDTH_PX, world_bake.HEIGHT_PX, world_bake.EDGE_TEXELS = 512, 256, 256
 
 
 def use_cycles(scene, samples):
@@ -72,6 +83,8 @@ def main():
     image = scene.render.image_settings
     image.file_format, image.color_depth, image.color_mode = "OPEN_EXR", "32", "RGBA"
     scene.render.filepath = output
+    if name.startswith("wild"):
+        make_worlds_small()
     (use_sheaf if engine == "sheaf" else use_cycles)(scene, int(samples))
     if os.environ.get("SHEAF_TEST_MULTILAYER"):
         image.file_format = "OPEN_EXR_MULTILAYER"

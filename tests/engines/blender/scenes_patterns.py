@@ -76,6 +76,27 @@ OCTAVES = (
     ("Voronoi", {"normalize": True}, {}, "Distance"),
     ("Noise", {"normalize": False}, {"Detail": 3, "Lacunarity": 2.5}, "Fac"),
     ("Noise", {"noise_dimensions": "4D"}, {"W": 0.7, "Roughness": 0.9}, "Color"))
+# Types of noise of Blender 4.1 and later.
+FRACTALS = (
+    ("Noise", {"noise_type": "MULTIFRACTAL"}, {"Detail": 3, "Roughness": 0.4}, "Fac"),
+    ("Noise", {"noise_type": "MULTIFRACTAL"}, {"Detail": 2.5, "Distortion": 0.7}, "Color"),
+    ("Noise", {"noise_type": "HYBRID_MULTIFRACTAL"}, {"Detail": 4, "Offset": 0.3, "Gain": 1.5},
+     "Fac"),
+    ("Noise", {"noise_type": "HYBRID_MULTIFRACTAL"}, {"Detail": 2.5, "Offset": 0.4, "Gain": 0.8},
+     "Fac"),
+    ("Noise", {"noise_type": "RIDGED_MULTIFRACTAL"}, {"Detail": 3.5, "Offset": 0.9, "Gain": 2},
+     "Fac"),
+    ("Noise", {"noise_type": "RIDGED_MULTIFRACTAL"}, {"Detail": 2, "Offset": 0.8, "Gain": 1},
+     "Color"),
+    ("Noise", {"noise_type": "HETERO_TERRAIN"}, {"Detail": 3.5, "Offset": 0.2}, "Fac"),
+    ("Noise", {"noise_type": "HETERO_TERRAIN"}, {"Detail": 2, "Offset": 0.3, "Lacunarity": 2.5},
+     "Color"),
+    ("Noise", {"normalize": False}, {"Detail": 3.5, "Roughness": 1.2}, "Fac"),
+    ("Noise", {"noise_type": "MULTIFRACTAL", "noise_dimensions": "1D"}, {}, "Color", "X"),
+    ("Noise", {"noise_type": "RIDGED_MULTIFRACTAL", "noise_dimensions": "2D"},
+     {"Offset": 0.9, "Gain": 1.5}, "Fac"),
+    ("Noise", {"noise_type": "HETERO_TERRAIN", "noise_dimensions": "4D"},
+     {"W": 0.6, "Offset": 0.2, "Distortion": 0.4}, "Color"))
 COLUMNS = 6
 
 
@@ -173,6 +194,10 @@ def patterns_four(b):
 
 def patterns_octaves(b):
     wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)), nodes=OCTAVES)
+
+
+def patterns_fractals(b):
+    wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)), nodes=FRACTALS)
 
 
 def patterns_ramp(b):

@@ -72,6 +72,65 @@ NodePlace ShiftOf(float seed, int dimensions) {
   return {{along(0), along(1), along(2)}, along(3), dimensions};
 }
 
+enum FractalType { kFbm, kMultifractal, kHybrid, kRidged, kHetero };
+struct Fractal {
+  int type;
+  double octaves, fall, lacunarity, offset, gain;  // fall: of the amplitude, from octave to octave.
+  bool weighs_part = false;  // Whether what is above the whole octaves of a hybrid has its weight.
+};
+
+// The weight of octave i: all of those below the count, a part of the next one.
+double WeightOf(const Fractal& f, int i) {
+  const int whole = static_cast<int>(f.octaves);
+  return i < whole ? 1 : f.octaves - whole;
+}
+
+double SumOrProduct(const Fractal& f, NodePlace p) {
+  double value = f.type == kFbm ? 0 : 1, power = 1;
+  for (int i = 0; i <= static_cast<int>(f.octaves) && WeightOf(f, i) > 0; ++i) {
+    const double octave = WeightOf(f, i) * power * NoiseOf(p);
+    value = f.type == kFbm ? value + octave : value * (octave + 1);
+    power *= f.fall;
+    p = f.lacunarity * p;
+  }
+  return value;
+}
+
+double FractalAt(const Fractal& f, NodePlace p) {
+  if (f.type == kFbm || f.type == kMultifractal) return SumOrProduct(f, p);
+  const int whole = static_cast<int>(f.octaves);
+  const double first = NoiseOf(p);
+  double signal = f.offset - std::fabs(first);
+  signal *= signal;
+  double value = f.type == kRidged ? signal : first + f.offset;
+  double weight = f.gain * value, power = f.fall;
+  for (int i = 1; i <= whole; ++i) {
+    p = f.lacunarity * p;
+    // Ridges have no octave in part.
+    if (WeightOf(f, i) == 0 || (f.type == kRidged && i == whole)) break;
+    const double noise = NoiseOf(p);
+    if (f.type == kHetero) {
+      value += WeightOf(f, i) * (noise + f.offset) * power * value;
+    } else if (f.type == kHybrid) {
+      const double octave = (noise + f.offset) * power;
+      if (i == whole && !f.weighs_part) {
+        value += WeightOf(f, i) * octave;
+      } else if (weight > 0.001) {
+        weight = std::fmin(weight, 1);
+        value += WeightOf(f, i) * weight * octave;
+        weight *= f.gain * octave;
+      }
+    } else {
+      const double share = std::clamp(signal * f.gain, 0.0, 1.0);
+      signal = f.offset - std::fabs(noise);
+      signal *= signal * share;
+      value += signal * power;
+    }
+    power *= f.fall;
+  }
+  return value;
+}
+
 // channel: 0 is also the factor.
 double NoiseAt(const NodeTexture& node, Vec3d p, int channel) {
   NodePlace q =
@@ -88,68 +147,26 @@ double NoiseAt(const NodeTexture& node, Vec3d p, int channel) {
     q = q + distortion * by;
   }
   if (channel > 0) q = q + ShiftOf(static_cast<float>(q.dimensions - 1 + channel), q.dimensions);
-  const Octaves octaves{NumberOf(node, kNoiseDetail), NumberOf(node, kNoiseRoughness),
-                        NumberOf(node, kNoiseLacunarity)};
+  const double detail = NumberOf(node, kNoiseDetail), roughness = NumberOf(node, kNoiseRoughness),
+               lacunarity = NumberOf(node, kNoiseLacunarity);
+  if (const int type = ChoiceOf(node, kNoiseType); type != kFbm) {
+    return FractalAt({type, detail + 1, roughness, lacunarity, NumberOf(node, kNoiseOffset),
+                      NumberOf(node, kNoiseGain), true},
+                     q);
+  }
   const bool normalized = node.numbers[kNoiseNormalize] != 0;
-  const double sum = SumOctaves(q, octaves, normalized);
+  const double sum = SumOctaves(q, {detail, roughness, lacunarity}, normalized);
   return normalized ? 0.5 * sum + 0.5 : sum;
 }
 
-enum MusgraveType { kFbm, kMultifractal, kHybrid, kRidged, kHetero };
 double MusgraveAt(const NodeTexture& node, Vec3d at) {
-  NodePlace p = PlaceOf(node, at, kMusgraveDimensions, kMusgraveW, kMusgraveWFrom,
-                        NumberOf(node, kMusgraveScale));
-  const int type = ChoiceOf(node, kMusgraveType);
-  const double detail = NumberOf(node, kMusgraveDetail), offset = NumberOf(node, kMusgraveOffset),
-               gain = NumberOf(node, kMusgraveGain),
-               lacunarity = NumberOf(node, kMusgraveLacunarity);
-  const double fall = Pow(lacunarity, -NumberOf(node, kMusgraveDimension));
-  const int whole = static_cast<int>(detail);
-  const double part = detail - whole;
-  // The weight of octave i: all of those below the detail, a part of the next one.
-  const auto weight_of = [&](int i) { return i < whole ? 1 : part; };
-  double power = 1;
-  if (type == kFbm || type == kMultifractal) {
-    double value = type == kFbm ? 0 : 1;
-    for (int i = 0; i <= whole && weight_of(i) > 0; ++i) {
-      const double octave = weight_of(i) * power * NoiseOf(p);
-      value = type == kFbm ? value + octave : value * (octave + 1);
-      power *= fall;
-      p = lacunarity * p;
-    }
-    return value;
-  }
-  const double first = NoiseOf(p);
-  double signal = offset - std::fabs(first);
-  signal *= signal;
-  double value = type == kRidged ? signal : first + offset;
-  double weight = gain * value;
-  power = fall;
-  for (int i = 1; i <= whole; ++i) {
-    p = lacunarity * p;
-    // Ridges have no octave in part.
-    if (weight_of(i) == 0 || (type == kRidged && i == whole)) break;
-    const double noise = NoiseOf(p);
-    if (type == kHetero) {
-      value += weight_of(i) * (noise + offset) * power * value;
-    } else if (type == kHybrid) {
-      const double octave = (noise + offset) * power;
-      if (i == whole) {
-        value += part * octave;
-      } else if (weight > 0.001) {
-        weight = std::fmin(weight, 1);
-        value += weight * octave;
-        weight *= gain * octave;
-      }
-    } else {
-      const double share = std::clamp(signal * gain, 0.0, 1.0);
-      signal = offset - std::fabs(noise);
-      signal *= signal * share;
-      value += signal * power;
-    }
-    power *= fall;
-  }
-  return value;
+  const NodePlace p = PlaceOf(node, at, kMusgraveDimensions, kMusgraveW, kMusgraveWFrom,
+                              NumberOf(node, kMusgraveScale));
+  const double lacunarity = NumberOf(node, kMusgraveLacunarity);
+  return FractalAt({ChoiceOf(node, kMusgraveType), NumberOf(node, kMusgraveDetail),
+                    Pow(lacunarity, -NumberOf(node, kMusgraveDimension)), lacunarity,
+                    NumberOf(node, kMusgraveOffset), NumberOf(node, kMusgraveGain)},
+                   p);
 }
 
 // --- Patterns ----------------------------------------------------------------------------------

@@ -68,6 +68,36 @@ TEST(NodeTexturesTest, MusgraveOctavesFallByTheDimension) {
   }
 }
 
+// Since Blender 4.1 noises have Musgrave's types: one octave more than the detail, a fall by the
+// roughness, and a weight for what a hybrid has in part.
+TEST(NodeTexturesTest, NoiseHasTypes) {
+  const auto noise = [](int i, Vec3d p) { return LatticeNoise(std::ldexp(5.0, i) * p); };
+  NodeTexture node = With(Node(Kind::kNoise, "detail", 1), node_number::kNoiseRoughness, 0.25f);
+  node.numbers[node_number::kNoiseOffset] = 0.75f;
+  const auto of_type = [&](float type) { return With(node, node_number::kNoiseType, type); };
+  for (const Vec3d p : kAt) {
+    const double first = noise(0, p), second = noise(1, p), third = noise(2, p);
+    EXPECT_NEAR(NodeFactor(of_type(1), p), (1 + first) * (1 + 0.25 * second), 1e-6);
+    EXPECT_NEAR(NodeFactor(of_type(4), p), (first + 0.75) * (1 + 0.25 * (second + 0.75)), 1e-6);
+    const double ridge = std::pow(0.75 - std::fabs(first), 2);
+    EXPECT_NEAR(NodeFactor(of_type(3), p),
+                ridge + 0.25 * std::pow(0.75 - std::fabs(second), 2) * std::fmin(ridge, 1), 1e-6);
+    const double low = first + 0.75, middle = 0.25 * (second + 0.75),
+                 weight = low > 0.001 ? std::fmin(low, 1) : 0;
+    EXPECT_NEAR(NodeFactor(of_type(2), p), low + weight * middle, 1e-6);
+    const NodeTexture part = With(of_type(2), node_number::kNoiseDetail, 1.5f);
+    const double last = weight * middle > 0.001 ? std::fmin(weight * middle, 1) : 0;
+    EXPECT_NEAR(NodeFactor(part, p), low + weight * middle + 0.5 * last * 0.0625 * (third + 0.75),
+                1e-6);
+    EXPECT_EQ(NodeColor(of_type(1), p).r, NodeFactor(of_type(1), p));
+    EXPECT_NE(NodeColor(of_type(1), p).g, NodeColor(of_type(1), p).r);
+  }
+  // As Musgrave's of the dimension log2(1 / roughness), but for a hybrid's part.
+  NodeTexture musgrave = With(Node(Kind::kMusgrave, "detail", 2), node_number::kMusgraveType, 3);
+  musgrave.numbers[node_number::kMusgraveOffset] = 0.75f;
+  EXPECT_EQ(NodeFactor(musgrave, kAt[0]), NodeFactor(of_type(3), kAt[0]));
+}
+
 TEST(NodeTexturesTest, VoronoiDistancesAreThoseToTheNearestPoints) {
   VoronoiOptions f1, f2{.feature = VoronoiFeature::kF2}, edge{};
   edge.feature = VoronoiFeature::kDistanceToEdge;
