@@ -333,7 +333,8 @@ class ValuesTest(unittest.TestCase):
     def test_products(self):
         gray = values.gray(self.IMAGE)
         self.assertEqual(values.multiply(self.IMAGE, gray), values.ScaleValue(self.IMAGE, gray))
-        self.assertIsNone(values.multiply(self.IMAGE, values.ImageValue("b")))
+        product = values.multiply(self.IMAGE, values.ImageValue("b"))  # By channels.
+        self.assertTrue(values.is_color(product))
         self.assertEqual(values.multiply(self.IMAGE, 1.0), self.IMAGE)
 
     def test_hue_and_ramp(self):

@@ -105,6 +105,82 @@ class NodeValueTest(unittest.TestCase):
         numpy.testing.assert_allclose(turned @ (1, 0, 0), (0, 1, 0), atol=1e-12)
 
 
+class CompositeTest(unittest.TestCase):
+    """Numbers that two textures make."""
+    TWO = dataclasses.replace(NODE, node="voronoi", wants_color=False, reach=(0.0, 2.0))
+    ONE = dataclasses.replace(NODE, wants_color=False)
+
+    def at(self, value, one, two):
+        """The number where the textures have these."""
+        if values.is_constant(value):
+            return value
+        if isinstance(value, values.NodeValue):
+            number = one if value.node == "noise" else two
+            if not value.operations:
+                return number
+        elif isinstance(value, values.RampValue):
+            number = self.at(value.value, one, two)
+            self.assertTrue(value.reach[0] - 1e-6 <= number <= value.reach[1] + 1e-6)
+        elif isinstance(value, values.ScaleValue):
+            return self.at(value.value, one, two) * self.at(value.factor, one, two)
+        else:
+            amount = self.at(value.amount, one, two)
+            return (1 - amount) * self.at(value.first, one, two) + (
+                amount * self.at(value.second, one, two))
+        return float(pixel_ops.run(numpy.full((1, 3), number), value.operations)[0, 0])
+
+    def test_math_of_two_textures(self):
+        for one, two in ((0.25, 1.5), (0.75, 0.5), (0.1, 0.1)):
+            for operation, wanted in (
+                    ("ADD", one + two), ("SUBTRACT", one - two), ("MULTIPLY", one * two),
+                    ("DIVIDE", one / two), ("MINIMUM", min(one, two)), ("MAXIMUM", max(one, two)),
+                    ("LESS_THAN", one < two), ("GREATER_THAN", one > two)):
+                found = values.math(operation, self.ONE, self.TWO)
+                self.assertAlmostEqual(self.at(found, one, two), wanted, 6, operation)
+                self.assertFalse(values.is_color(found))
+                squared = values.apply(found, "math", "POWER", 2.0, True)
+                self.assertAlmostEqual(self.at(squared, one, two), wanted**2, 6, operation)
+        self.assertIsNone(values.math("POWER", self.ONE, self.TWO))
+
+    def test_operations_follow_a_mix(self):
+        mixed = values.mix(self.ONE, self.TWO, 0.5)
+        steps = values.apply(mixed, "math", "GREATER_THAN", 0.6, True)
+        self.assertEqual(self.at(steps, 0.9, 0.4), 1.0)  # Each of them alone gives 1 and 0.
+        self.assertEqual(values.reach_of(mixed), (0.0, 2.0))
+        colored = values.apply(mixed, "ramp", ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+        self.assertTrue(values.is_color(colored))
+        self.assertFalse(values.is_color(values.gray(colored)))
+
+    def test_colors_change_by_channels(self):
+        red, blue = (0.8, 0.1, 0.05), (0.1, 0.3, 0.7)
+        ramps = [values.apply(each, "ramp", (red, blue)) for each in (
+            self.ONE, dataclasses.replace(self.TWO, reach=(0.0, 1.0)))]
+        colors = [numpy.array(red) * (1 - at) + numpy.array(blue) * at for at in (0.25, 0.75)]
+
+        def channels(value):
+            return [self.at(values.apply(value, "channel", i), 0.25, 0.75) for i in range(3)]
+        for kind, wanted in (("MULTIPLY", colors[0] * colors[1]),
+                             ("SCREEN", 1 - (1 - colors[0]) * (1 - colors[1])),
+                             ("DIFFERENCE", abs(colors[0] - colors[1])),
+                             ("DARKEN", numpy.minimum(*colors))):
+            numpy.testing.assert_allclose(channels(values.blend(kind, *ramps)), wanted, atol=2e-3)
+        bright = values.apply(values.add(*ramps), "clamp", 0.0, 0.7)
+        numpy.testing.assert_allclose(channels(bright), numpy.minimum(sum(colors), 0.7), atol=2e-3)
+        self.assertIsNone(values.blend("SOFT_LIGHT", *ramps))
+
+    def test_they_are_ramps_over_textures(self):
+        file = io.StringIO()
+        table = materials.TextureTable(text.SceneText(file), None)
+        added = values.math("SUBTRACT", self.ONE, self.TWO)
+        table.parameter("reflectance", values.apply(added, "clamp", 0.0, 1.0), True)
+        written = file.getvalue()
+        self.assertIn('"float" "mix"', written)
+        self.assertIn('"float" "scale"', written)
+        self.assertIn('"spectrum" "ramp" "texture input"', written)
+        table.parameter("base_color", added, True)  # A color, which is not negative.
+        self.assertEqual(file.getvalue().count('"spectrum" "ramp"'), 2)
+
+
 class FrameSizeTest(unittest.TestCase):
     def test_percentages_are_integers_rounded_down(self):
         self.assertEqual(frame_size.size_of(300, 200, 29), (87, 58))

@@ -7,7 +7,9 @@
 #include <gtest/gtest.h>
 
 #include <cstdio>
+#include <iterator>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "tests/support/frame_estimates.h"
@@ -87,6 +89,25 @@ std::vector<TestScene> LitScenes() {
 }
 std::vector<TestScene> MistyScenes() { return {Foggy(kColored), Cloudy(kColored)}; }
 
+// Each shape is invisible to rays of some kinds, and so is each lamp.
+std::vector<TestScene> HidingScenes() {
+  constexpr RayKinds kShapes[] = {0, BitOf(RayKind::kDiffuse), BitOf(RayKind::kShadow),
+                                  BitOf(RayKind::kCamera) | BitOf(RayKind::kGlossy),
+                                  kScatteredRays | BitOf(RayKind::kShadow)},
+                     kLamps[] = {BitOf(RayKind::kGlossy), 0, BitOf(RayKind::kDiffuse)};
+  std::vector<TestScene> scenes = {Diffuse(kColored), Glossy(kColored), ManyLights(kColored)};
+  for (TestScene& t : scenes) {
+    for (size_t i = 0; i < t.scene.shapes.size(); ++i) {
+      t.scene.shapes[i].invisible = kShapes[i % std::size(kShapes)];
+    }
+    for (size_t i = 0; i < t.scene.lights.size(); ++i) {
+      LightDescription& light = t.scene.lights[i];
+      if (!std::holds_alternative<InfiniteLight>(light.light)) light.invisible = kLamps[i % 3];
+    }
+  }
+  return scenes;
+}
+
 TEST(GuidedPathTest, FindWhatTheCameraFinds) {
   ExpectGuidedAgree("guided", LitScenes(), BiasOfNoisyPair(),
                     {.techniques = kGuided, .samples = 64});
@@ -122,6 +143,11 @@ TEST(GuidedPathTest, FindWhatTheCameraFindsBesideLightPathsInMediaAndThroughASli
   scenes.push_back(SlitRoom(kColored, 0.8f));
   ExpectGuidedAgree("guided beside light paths, in media and through a slit", scenes, 4 * Bias(),
                     {.techniques = kBothGuided, .samples = 64});
+}
+
+TEST(GuidedPathTest, FindWhatTheCameraFindsWhereRaysSeeLess) {
+  ExpectGuidedAgree("guided, kinds of rays", HidingScenes(), BiasOfNoisyPair(),
+                    {.techniques = kGuided, .samples = 64});
 }
 
 TEST(LearnedLightsTest, FindWhatTheCameraFinds) {

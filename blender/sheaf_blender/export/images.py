@@ -131,7 +131,7 @@ class Images:
         if isinstance(value, values.ImageValue):
             pixels = self.pixels(value)
             return 0.5 if pixels is None else float(pixels.mean())
-        if isinstance(value, values.NodeValue):
+        if isinstance(value, (values.NodeValue, values.RampValue)):
             return float(values.node_ramp(value)[1].mean())
         if isinstance(value, values.ScaleValue):
             return self.mean(value.value) * self.mean(value.factor)

@@ -170,10 +170,11 @@ class NodeValues:
                 return values.apply(a, "mix", blend, factor, values.color(b), True)
             if values.is_constant(a):
                 return values.apply(b, "mix", blend, factor, values.color(a), False)
-        if blend != "MULTIPLY":
-            return None
-        product = values.multiply(a, b)
-        return None if product is None else values.mix(a, product, factor)
+        if blend == "ADD" and not values.is_color(factor):
+            more = values.multiply(b, factor)
+            return None if more is None else values.add(a, more)
+        found = values.blend(blend, a, b)
+        return None if found is None else values.mix(a, found, factor)
 
     def math(self, place, _):
         node = place.node
@@ -181,10 +182,9 @@ class NodeValues:
                   for socket in node.inputs if socket.enabled]
         a = inputs[0]
         b = inputs[1] if len(inputs) > 1 else 0.0
-        if node.operation == "MULTIPLY_ADD" and values.is_constant(inputs[2]):
+        if node.operation == "MULTIPLY_ADD":
             product = values.multiply(a, b)
-            value = None if product is None else values.apply(product, "math", "ADD", inputs[2],
-                                                              True)
+            value = None if product is None else values.add(product, inputs[2])
         elif node.operation not in pixel_ops.MATH:
             return None
         elif values.is_constant(b):
@@ -192,7 +192,7 @@ class NodeValues:
         elif values.is_constant(a):
             value = values.apply(b, "math", node.operation, values.gray(a), False)
         else:
-            value = values.multiply(a, b) if node.operation == "MULTIPLY" else None
+            value = values.math(node.operation, a, b)
         if value is not None and node.use_clamp:
             value = values.apply(value, "clamp", 0.0, 1.0)
         return value
@@ -218,6 +218,9 @@ class NodeValues:
                               self.number(node_links.input_of(place, "Contrast")))
 
     def hue_saturation(self, place, _):
+        value = self.place_input(place, "Color")
+        if values.is_composite(value) and not isinstance(value, values.CheckerValue):
+            self.note("the hue of a mix of textures: it is that of both")
         numbers = [self.number(node_links.input_of(place, *names), usual) for names, usual in (
             (("Hue",), 0.5), (("Saturation",), 1.0), (("Value",), 1.0), (("Fac", "Factor"), 1.0))]
         return self.one_color(place, "hue_saturation", *numbers)
@@ -255,7 +258,9 @@ class NodeValues:
             return None
         parts = [values.gray(self.read(node_links.Input(socket, place.groups)))
                  for socket in place.node.inputs]
-        return tuple(map(float, parts)) if all(map(values.is_constant, parts)) else None
+        if all(map(values.is_constant, parts)):
+            return tuple(map(float, parts))
+        return values.combined(parts[:3])
 
     def map_range(self, place, _):
         node = place.node

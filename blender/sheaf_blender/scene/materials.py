@@ -144,6 +144,11 @@ class TextureTable:
                                 **mapping(value.mapping)}
         if isinstance(value, values.NodeValue):
             return self._node(value, as_color)
+        if as_color and values.is_composite(value) and not values.is_color(value) and not (
+                isinstance(value, values.RampValue)):
+            value = values.RampValue(value, values.reach_of(value), ())  # Colors are not below 0.
+        if isinstance(value, values.RampValue):
+            return self._ramp(value, value.value, as_color)
         if isinstance(value, values.ScaleValue):
             return "scale", {**self.parameter("tex", value.value, as_color),
                              **self.parameter("scale", value.factor, False)}
@@ -152,7 +157,6 @@ class TextureTable:
         if isinstance(value, values.MixValue):
             return "mix", {**parts, **self.parameter("amount", value.amount, False)}
         return "checkerboard", {**parts, **mapping(value.mapping)}
-
 
     def _node(self, value, as_color):
         """A node itself, or a ramp over its factor."""
@@ -165,6 +169,9 @@ class TextureTable:
                             **{("string " if isinstance(x, str) else "float ") + name: x
                                for name, x in value.parameters}}
         factor = dataclasses.replace(value, operations=(), wants_color=False, is_simplified=False)
+        return self._ramp(value, factor, as_color)
+
+    def _ramp(self, value, factor, as_color):
         positions, colors = values.node_ramp(value)
         colors = numpy.clip(colors, 0.0, None) if as_color else colors
         return "ramp", {"texture input": self._texture(factor, False),

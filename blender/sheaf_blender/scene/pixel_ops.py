@@ -6,6 +6,7 @@ by itself. Formulas are those of Blender's manual for the nodes.
 import numpy
 
 GRAY = {"gray", "channel"}  # Their results are numbers: the three channels are equal.
+HUES = {"hue", "hue_saturation", "normal_strength"}  # A channel depends on the others.
 
 
 def run(pixels, operations):

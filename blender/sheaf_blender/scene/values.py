@@ -40,6 +40,14 @@ class MixValue:
 
 
 @dataclasses.dataclass(frozen=True)
+class RampValue:
+    """A number that several textures make, after operations on it."""
+    value: object
+    reach: tuple       # Least and greatest of the number.
+    operations: tuple  # ((name, arguments), ...) of pixel_ops on it.
+
+
+@dataclasses.dataclass(frozen=True)
 class CheckerValue:
     first: object  # Where floor(u) + floor(v) is even.
     second: object
@@ -82,10 +90,11 @@ def color_of_vertices(node):
 
 
 def node_ramp(value):
-    """(positions, colors) of what the operations make of the node's factor."""
+    """(positions, colors) of what the operations of a NodeValue or RampValue make of the number."""
     low, high = value.reach
     if not value.operations:  # Negative factors are black, and a ramp is linear between stops.
         low = max(low, 0.0)
+    high = max(high, low + 1e-6)
     count = RAMP_STOPS if value.operations else 2
     at = [low + (high - low) * i / (count - 1) for i in range(count)]
     pixels = numpy.repeat(numpy.array(at, numpy.float64)[:, None], 3, axis=1)
@@ -100,16 +109,44 @@ def is_color(value):
     if isinstance(value, tuple):
         return True
     if isinstance(value, ImageValue):
-        return not any(name in pixel_ops.GRAY for name, _ in value.operations)
-    if isinstance(value, NodeValue):
-        if not value.operations:
-            return value.wants_color
-        return not any(name in pixel_ops.GRAY for name, _ in value.operations)
+        return _makes_color(value.operations, True)
+    if isinstance(value, (NodeValue, RampValue)):  # Operations of a node begin with its factor.
+        return _makes_color(value.operations, getattr(value, "wants_color", False))
     if isinstance(value, ScaleValue):
         return is_color(value.value)
     if isinstance(value, (MixValue, CheckerValue)):
         return is_color(value.first) or is_color(value.second)
     return False
+
+
+def _makes_color(operations, found):
+    """Whether operations end in a color. found: whether they begin with one."""
+    for name, arguments in operations:
+        found = name not in pixel_ops.GRAY and (found or name in (
+            "ramp", "curves", "mix", "hue_saturation") or (
+                name == "multiply" and len(set(arguments)) > 1))
+    return found
+
+
+def is_composite(value):
+    """Whether several textures make the value."""
+    return isinstance(value, (MixValue, ScaleValue, CheckerValue, RampValue))
+
+
+def reach_of(value):
+    """(least, greatest) of a value's numbers; those of colors for all channels."""
+    if is_constant(value):
+        return min(color(value)), max(color(value))
+    if isinstance(value, ImageValue):
+        value = RampValue(None, (0.0, 1.0), value.operations)
+    if isinstance(value, (NodeValue, RampValue)):
+        numbers = node_ramp(value)[1]
+        return float(numbers.min()), float(numbers.max())
+    if isinstance(value, ScaleValue):
+        products = [x * y for x in reach_of(value.value) for y in reach_of(value.factor)]
+        return min(products), max(products)
+    both = [*reach_of(value.first), *reach_of(value.second)]
+    return min(both), max(both)
 
 
 def color(value):
@@ -155,8 +192,9 @@ def largest(value):
 
 
 def apply(value, name, *arguments):
-    """The value after an operation of pixel_ops. Mixes and checkers pass it on to their parts,
-    which is exact for multiplications, and for other operations where the amount is 0 or 1.
+    """The value after an operation of pixel_ops. Numbers that several textures make become a ramp,
+    and colors one for each channel. Hues of mixes are those of their parts, which is exact where
+    the amount is 0 or 1.
     """
     if is_constant(value):
         pixels = numpy.array([color(value)], numpy.float64)
@@ -171,10 +209,18 @@ def apply(value, name, *arguments):
         return dataclasses.replace(value, operations=value.operations + ((name, arguments),),
                                    wants_color=False,
                                    is_simplified=value.is_simplified or value.wants_color)
+    if isinstance(value, RampValue):
+        return dataclasses.replace(value, operations=value.operations + ((name, arguments),))
+    if name == "ramp":  # It begins with the luminance.
+        value = gray(value)
+    is_passed_on = name in pixel_ops.GRAY or name == "multiply" or isinstance(value, CheckerValue)
+    if not is_passed_on and not is_color(value):
+        return RampValue(value, reach_of(value), ((name, arguments),))
+    if not is_passed_on and name not in pixel_ops.HUES:
+        return combined([apply(apply(apply(value, "channel", i), name, *arguments), "channel", i)
+                         for i in range(3)])
     if isinstance(value, ScaleValue):
-        if name == "multiply":
-            return ScaleValue(apply(value.value, name, *arguments), value.factor)
-        return ScaleValue(apply(value.value, name, *arguments), apply(value.factor, "clamp", 0, 1))
+        return ScaleValue(apply(value.value, name, *arguments), value.factor)
     return dataclasses.replace(value, first=apply(value.first, name, *arguments),
                                second=apply(value.second, name, *arguments))
 
@@ -209,14 +255,76 @@ def clamped(amount):
 
 
 def multiply(a, b):
-    """None where the format has no such texture: the product of two colored ones."""
+    """The product; of two colors by channels."""
     if is_constant(b):
         return apply(a, "multiply", *color(b)) if b not in (1, 1.0, (1.0, 1.0, 1.0)) else a
     if is_constant(a):
         return multiply(b, a)
     if not is_color(b):
         return ScaleValue(a, b)
-    return ScaleValue(b, a) if not is_color(a) else None
+    return ScaleValue(b, a) if not is_color(a) else by_channel(multiply, a, b)
+
+
+def by_channel(function, a, b):
+    """The color of which each channel is function(a, b) of the channels; None where that is."""
+    def channels(value):
+        if is_constant(value):
+            return color(value)
+        return [apply(value, "channel", i) for i in range(3)] if is_color(value) else [value] * 3
+    return combined([function(*both) for both in zip(channels(a), channels(b))])
+
+
+def combined(parts):
+    """The color of three numbers; None if one of them is."""
+    if None in parts:
+        return None
+    found = (0.0, 0.0, 0.0)
+    for axis, part in enumerate(parts):
+        found = add(found, multiply(part, tuple(float(i == axis) for i in range(3))))
+    return found
+
+
+def add(a, b):
+    """The sum: twice the even mix."""
+    if is_constant(a) and is_constant(b):
+        found = tuple(x + y for x, y in zip(color(a), color(b)))
+        return found if is_color(a) or is_color(b) else found[0]
+    return ScaleValue(MixValue(a, b, 0.5), 2.0)
+
+
+def math(operation, a, b):
+    """Blender's Math of two textures that are numbers; None for operations without counterpart."""
+    if operation == "MULTIPLY":
+        return multiply(a, b)
+    if operation == "DIVIDE":
+        return multiply(a, gray(apply(b, "math", "DIVIDE", 1.0, False)))
+    if operation == "ADD":
+        return add(a, b)
+    difference = add(a, gray(apply(b, "multiply", -1.0, -1.0, -1.0)))
+    if operation in ("LESS_THAN", "GREATER_THAN"):
+        return apply(difference, "math", operation, 0.0, True)
+    if operation == "SUBTRACT":
+        return difference
+    if operation in ("MINIMUM", "MAXIMUM"):
+        return add(b, apply(difference, "math", operation, 0.0, True))
+    return None
+
+
+_MATH_OF_BLENDS = {"DARKEN": "MINIMUM", "LIGHTEN": "MAXIMUM", "MULTIPLY": "MULTIPLY",
+                   "SUBTRACT": "SUBTRACT", "DIVIDE": "DIVIDE"}
+
+
+def blend(kind, a, b):
+    """Blender's mix of two values with the factor 1; None for kinds without counterpart."""
+    if is_color(a) or is_color(b):
+        return by_channel(lambda x, y: blend(kind, x, y), a, b)
+    if kind in _MATH_OF_BLENDS:
+        return math(_MATH_OF_BLENDS[kind], a, b)
+    if kind == "DIFFERENCE":
+        return apply(math("SUBTRACT", a, b), "math", "ABSOLUTE", 0.0, True)
+    if kind == "SCREEN":
+        return add(a, math("SUBTRACT", b, multiply(a, b)))
+    return None
 
 
 def mix(a, b, amount):

@@ -50,6 +50,15 @@ def compare(folder, scene):
     return ((means[1] - means[0]) / numpy.maximum(means[0], least)).tolist()
 
 
+def mean_and_error(path):
+    """(mean of R, G and B, its standard error) by the layer of standard errors of Sheaf's image."""
+    channels = read_all(path)
+    errors = numpy.stack([channels[f"stderr.{name}"] for name in "RGB"]).astype(float)
+    mean = numpy.mean([channels[name] for name in "RGB"], dtype=float)
+    # The channels of a pixel share their paths.
+    return float(mean), float((errors.mean(axis=0) ** 2).sum() ** 0.5 / errors[0].size)
+
+
 def alpha_difference(folder, scene):
     """The mean of the differences of alpha; 0 where an image has none."""
     first, second = (read_all(folder / f"{scene}.{engine}.exr").get("A")

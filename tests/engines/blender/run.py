@@ -52,13 +52,14 @@ FINDINGS = (
     "hidden_by_maker", "catcher_transparent", "catcher_over_sky", "catcher_under_light",
     "catcher_with_hidden")
 PATTERNS = ("patterns_generated", "patterns_object", "patterns_uv", "patterns_position",
-            "patterns_ramp", "patterns_line", "patterns_four", "colors_of_vertices",
-            "colors_by_nodes")
+            "patterns_ramp", "patterns_line", "patterns_four", "patterns_combined",
+            "patterns_of_colors", "colors_of_vertices", "colors_by_nodes")
 PATTERNS_OF_4 = ("patterns_octaves", "patterns_fractals")  # Nodes that Blender has since 4.0.
 RANDOM = tuple(f"handled{seed}" for seed in range(1, 201))  # From random_scenes.HandledScene.
 WILD = tuple(f"wild{seed}" for seed in range(1, 201))  # From random_scenes.RandomScene.
 MEAN_DIFFERENCE_MAX = 0.03  # Fraction of each channel's mean.
 EXPORT_SECONDS_MAX = 10.0
+SIGMAS_MAX = 4.0
 START_SECONDS_MAX = 120
 RENDER_SECONDS_MAX = 3600
 CHROOT = pathlib.Path("/var/tmp/sheaf-blender-trixie")
@@ -382,6 +383,27 @@ def passes(bench):
     passes_checks.check_like_cycles(images["sheaf"], images["cycles"], check)
 
 
+def guided(bench, compare):
+    """Guided paths find the light of paths from the camera where rays of some kinds see less."""
+    print("guided paths with Ray Visibility", flush=True)
+    for scene in ("rays_diffuse", "rays_glossy", "rays_indirect_only", "rays_principled",
+                  "lamps_by_rays", "clipped_glass"):
+        path = bench.folder / f"{scene}.pbrt"
+        bench.run(scene, "sheaf", 1, path, script="export_in_blender.py")
+        found = []
+        for techniques in ("camera", "camera+guiding"):
+            image = bench.folder / f"{scene}.{techniques}.exr"
+            subprocess.run([bench.arguments.programs / "sheaf", "render", path, "--samples",
+                            str(bench.arguments.samples), "--techniques", techniques, "--threads",
+                            str(bench.arguments.threads), "-o", image], check=True,
+                           stderr=subprocess.DEVNULL)
+            found.append(compare.mean_and_error(image))
+        (camera, error), (guided_mean, guided_error) = found
+        sigmas = abs(guided_mean - camera) / (error**2 + guided_error**2) ** 0.5
+        check(sigmas < SIGMAS_MAX, f"{scene}: means {camera:.5f} and {guided_mean:.5f} are "
+              f"{sigmas:.1f} standard errors apart ({100 * (guided_mean / camera - 1):+.2f} %)")
+
+
 def gltf(bench, compare, only):
     import gltf_against_cycles
     print("glTF", flush=True)
@@ -394,8 +416,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", type=lambda t: t.split(","),
-                        help="scenes, or findings, random, wild, protocol, gltf, passes, exr, "
-                        "farm, operators, export")
+                        help="scenes, or findings, random, wild, protocol, guided, gltf, passes, "
+                        "exr, farm, operators, export")
     parser.add_argument("--models", type=lambda t: t.split(","), help="of glTF, to compare")
     parser.add_argument("--samples", type=int, default=1024, help="of Sheaf (default 1024)")
     parser.add_argument("--cycles-samples", type=int, default=1024)
@@ -423,6 +445,7 @@ def main():
     failed = []
     steps = {"protocol": lambda: protocol(bench, compare),
              "gltf": lambda: gltf(bench, compare, arguments.models),
+             "guided": lambda: guided(bench, compare),
              "passes": lambda: passes(bench), "exr": lambda: exr_checks(bench, compare),
              "farm": lambda: farm_checks(bench, compare),
              "operators": lambda: operators(bench), "export": lambda: export_time(bench)}

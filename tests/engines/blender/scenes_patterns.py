@@ -213,3 +213,66 @@ def patterns_ramp(b):
         tile.rotation_euler = (math.pi / 2, 0, 0)
     b.camera((0, -14, 0), (0, 0, 0), 50)
     b.background(1.0)
+
+
+# Ways to make one color of the factors of a noise and a wave: types of nodes, and their settings.
+COMBINED = (
+    ("Math", {"operation": "ADD", "use_clamp": True}), ("Math", {"operation": "SUBTRACT"}),
+    ("Math", {"operation": "MULTIPLY"}), ("Math", {"operation": "DIVIDE", "use_clamp": True}),
+    ("Math", {"operation": "MINIMUM"}), ("Math", {"operation": "MAXIMUM"}),
+    ("Math", {"operation": "GREATER_THAN"}), ("Math", {"operation": "MULTIPLY_ADD"}),
+    ("MixRGB", {"blend_type": "MIX"}), ("MixRGB", {"blend_type": "ADD"}),
+    ("MixRGB", {"blend_type": "SCREEN"}), ("CombineRGB", {}))
+
+
+def patterns_of_colors(b):
+    """Blends of two ramps, by a number and by a texture."""
+    b.camera((0, -14, 0), (0, 0, 0), 38)
+    b.background(1.0)
+    kinds = ("MULTIPLY", "ADD", "SUBTRACT", "DIFFERENCE", "DARKEN", "LIGHTEN", "SCREEN", "DIVIDE")
+    for i in range(2 * len(kinds)):
+        material, nodes, links, surface = b.empty_material(f"Node {i}")
+        joint, shader = nodes.new("ShaderNodeMixRGB"), nodes.new("ShaderNodeBsdfDiffuse")
+        joint.blend_type, joint.use_clamp = kinds[i % len(kinds)], True
+        joint.inputs["Fac"].default_value = 0.7
+        waves = [node_of(b, nodes, "Wave", {}, {"Scale": scale, "Distortion": 2})
+                 for scale in (0.7, 1.3, 0.4)]
+        for name, wave in zip(("Color1", "Color2"), waves):
+            links.new(ramp(nodes, links, wave.outputs["Fac"]), joint.inputs[name])
+        if i >= len(kinds):
+            links.new(waves[2].outputs["Fac"], joint.inputs["Fac"])
+        links.new(joint.outputs[0], shader.inputs["Color"])
+        links.new(shader.outputs[0], surface.inputs["Surface"])
+        tile = b.plane(1.9, material)
+        tile.name = f"Tile {i}"
+        tile.location = (2.1 * (i % COLUMNS - (COLUMNS - 1) / 2), 0, 2.1 * (1.5 - i // COLUMNS))
+        tile.rotation_euler = (math.pi / 2, 0, 0)
+
+
+def patterns_combined(b):
+    """Each way as it is, and with a ramp behind it, but for the colors of the last one."""
+    b.camera((0, -14, 0), (0, 0, 0), 38)
+    b.background(1.0)
+    for i in range(2 * len(COMBINED)):
+        kind, attributes = COMBINED[i % len(COMBINED)]
+        material, nodes, links, surface = b.empty_material(f"Node {i}")
+        place, shader = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeBsdfDiffuse")
+        joint = nodes.new(f"ShaderNode{kind}")
+        for name, value in attributes.items():
+            setattr(joint, name, value)
+        sockets = [socket for socket in joint.inputs if socket.enabled][kind == "MixRGB":]
+        for socket, (texture, inputs) in zip(sockets, (
+                ("Noise", {"Scale": 3}), ("Wave", {"Scale": 1.5, "Distortion": 2}),
+                ("Noise", {"Scale": 6}))):
+            node = node_of(b, nodes, texture, {}, inputs)
+            links.new(place.outputs["Object"], node.inputs["Vector"])
+            links.new(node.outputs["Fac"], socket)
+        color = joint.outputs[0]
+        if i >= len(COMBINED) and kind != "CombineRGB":
+            color = ramp(nodes, links, color)
+        links.new(color, shader.inputs["Color"])
+        links.new(shader.outputs[0], surface.inputs["Surface"])
+        tile = b.plane(1.9, material)
+        tile.name = f"Tile {i}"
+        tile.location = (2.1 * (i % COLUMNS - (COLUMNS - 1) / 2), 0, 2.1 * (1.5 - i // COLUMNS))
+        tile.rotation_euler = (math.pi / 2, 0, 0)
