@@ -138,7 +138,7 @@ class Collector:
 
     def _note_holdout(self, instance, instance_object):
         maker = instance.parent if instance.is_instance and instance.parent else instance_object
-        if maker.original.holdout_get(view_layer=self._depsgraph.view_layer):
+        if maker.holdout_get(view_layer=self._layer):  # Originals have other values in -a.
             self.holdouts.add(instance_object.name)
         elif is_catcher(instance, instance_object):
             self.catchers.add(instance_object.name)

@@ -3,7 +3,7 @@
 """Values of sockets: constants, images, and what nodes make of them."""
 import numpy
 
-from ..scene import image_pixels, pixel_ops, values
+from ..scene import image_pixels, pixel_ops, principled, values
 from ..scene.closures import PINK
 from . import node_links, texture_nodes
 
@@ -238,6 +238,24 @@ class NodeValues:
                               mapping.extend == "EXTRAPOLATED",
                               self.number(node_links.input_of(place, "Fac", "Factor"), 1.0))
 
+    def of_angle(self, place, output):
+        """(index, mean over the directions of diffuse light) of a Fresnel or Layer Weight node."""
+        if place.node.type == "FRESNEL":
+            ior = self.number(node_links.input_of(place, "IOR"), 1.45)
+        else:
+            blend = min(self.number(node_links.input_of(place, "Blend"), 0.5), 1 - 1e-3)
+            if output.name == "Facing":  # 1 - cos^power, where the density is 2 cos.
+                power = 2 * max(blend, 0.0) if blend < 0.5 else 0.5 / (1 - blend)
+                return 1.0, 1 - 2 / (2 + power)
+            ior = 1 / (1 - blend)
+        ior = max(ior, 1.0001)
+        return ior, principled.fresnel_mean(ior)
+
+    def mean_of_angle(self, place, output):
+        _, mean = self.of_angle(place, output)
+        self.note(f'"{place.node.name}" has its mean {mean:.2f} in all directions')
+        return mean
+
     def light_path(self, place, output):
         """Surfaces have one value for all rays: that of those that scatter."""
         self._report.approximated(self.item, f'Light Path > {output.name}: the value for rays that '
@@ -319,5 +337,6 @@ _READERS = {
     "COMBRGB": NodeValues.combine, "MAP_RANGE": NodeValues.map_range, "CLAMP": NodeValues.clamp,
     "VERTEX_COLOR": _vertex_color, "ATTRIBUTE": _attribute,
     "BLACKBODY": NodeValues.blackbody, "CURVE_RGB": NodeValues.rgb_curves,
+    "FRESNEL": NodeValues.mean_of_angle, "LAYER_WEIGHT": NodeValues.mean_of_angle,
     "LIGHT_PATH": lambda reader, place, output: reader.light_path(place, output),
 }

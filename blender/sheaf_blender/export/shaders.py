@@ -271,19 +271,17 @@ class ShaderReader:
         first, second = (self.surface(node_links.Input(socket, place.groups))
                          for socket in place.node.inputs[1:3])
         wanted = node_links.Input(place.node.inputs[0], place.groups)
-        fresnel, _, _ = node_links.source(wanted)
+        fresnel, output, _ = node_links.source(wanted)
         if fresnel is not None and fresnel.node.type in ("FRESNEL", "LAYER_WEIGHT"):
-            return self._coat(fresnel, first, second)
+            return self._coat(fresnel, output, first, second)
         return closures.mix(first, second, self.values.read(wanted, 0.5), self.item, self.report)
 
-    def _coat(self, fresnel, first, second):
+    def _coat(self, fresnel, output, first, second):
         """A mix by Fresnel of a diffuse base and a glossy layer is a coat."""
-        ior = self.number(fresnel, "IOR", usual=1.45)
-        if fresnel.node.type == "LAYER_WEIGHT":
-            ior = 1 / max(1 - self.number(fresnel, "Blend", usual=0.5), 1e-3)
+        ior, mean = self.values.of_angle(fresnel, output)
         a, b = first.material, second.material
-        mean = principled.fresnel_mean(max(ior, 1.0001))
-        if a and b and a.kind == "diffuse" and "metallic" in dict(b.floats):
+        is_layer = a and b and a.kind == "diffuse" and "metallic" in dict(b.floats)
+        if is_layer and output.name != "Facing":
             self.report.approximated(self.item, "Diffuse and Glossy mixed by Fresnel are a layer "
                                                 "over a base, white at grazing angles")
             return Closure(principled.coated(

@@ -542,6 +542,27 @@ def test_shadow_catchers():
     check(case.exported.catchers == {"Plane", "Stand"}, f"catchers: {case.exported.catchers}")
 
 
+def by_angle(output):
+    """A ball whose color goes by a Layer Weight with the blend 0.5."""
+    def make(b):
+        scenes_findings.room(b)
+        tree = bpy.data.materials["Red"].node_tree
+        weight, joint = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("LayerWeight", "Math"))
+        joint.operation = "MULTIPLY"
+        joint.inputs[1].default_value = 0.5
+        tree.links.new(weight.outputs[output], joint.inputs[0])
+        tree.links.new(joint.outputs[0], tree.nodes["Diffuse BSDF"].inputs["Color"])
+    return make
+
+
+def test_what_goes_by_the_angle_of_view_has_its_mean():
+    for output, mean in (("Facing", 1 / 3), ("Fresnel", 0.16)):
+        case = Case(by_angle(output))
+        case.says("Layer Weight. has its mean")
+        found = re.search(r'"Red".*"rgb reflectance" .([0-9.]+)', case.text)
+        check(abs(float(found[1]) - mean / 2) < 0.02, f"{output}: {found[1]}")
+
+
 def test_types_of_noise():
     if bpy.app.version < (4, 1, 0):
         print("  skipped: Noise has types since Blender 4.1")

@@ -190,6 +190,7 @@ class Walk:
         label = f"{owner}: " + ", ".join(
             f"{instance.name}.{known.identifier}" if isinstance(instance, bpy.types.NodeSocket)
             else known.identifier for instance, known in keyed)
+        print(label, flush=True)  # Blender itself may crash.
         try:
             ways = [animation(scene), submitted(scene), still(scene)]
         except RuntimeError as error:

@@ -76,10 +76,10 @@ OCTAVES = (
     ("Voronoi", {"normalize": True}, {}, "Distance"),
     ("Noise", {"normalize": False}, {"Detail": 3, "Lacunarity": 2.5}, "Fac"),
     ("Noise", {"noise_dimensions": "4D"}, {"W": 0.7, "Roughness": 0.9}, "Color"))
-# Types of noise of Blender 4.1 and later.
+# Types of noise of Blender 4.1 and later. Colors are at most 1, above which Cycles reflects more.
 FRACTALS = (
     ("Noise", {"noise_type": "MULTIFRACTAL"}, {"Detail": 3, "Roughness": 0.4}, "Fac"),
-    ("Noise", {"noise_type": "MULTIFRACTAL"}, {"Detail": 2.5, "Distortion": 0.7}, "Color"),
+    ("Noise", {"noise_type": "HYBRID_MULTIFRACTAL"}, {"Offset": 0.1, "Distortion": 0.7}, "Color"),
     ("Noise", {"noise_type": "HYBRID_MULTIFRACTAL"}, {"Detail": 4, "Offset": 0.3, "Gain": 1.5},
      "Fac"),
     ("Noise", {"noise_type": "HYBRID_MULTIFRACTAL"}, {"Detail": 2.5, "Offset": 0.4, "Gain": 0.8},
@@ -92,7 +92,8 @@ FRACTALS = (
     ("Noise", {"noise_type": "HETERO_TERRAIN"}, {"Detail": 2, "Offset": 0.3, "Lacunarity": 2.5},
      "Color"),
     ("Noise", {"normalize": False}, {"Detail": 3.5, "Roughness": 1.2}, "Fac"),
-    ("Noise", {"noise_type": "MULTIFRACTAL", "noise_dimensions": "1D"}, {}, "Color", "X"),
+    ("Noise", {"noise_type": "RIDGED_MULTIFRACTAL", "noise_dimensions": "1D"}, {"Offset": 0.9},
+     "Color", "X"),
     ("Noise", {"noise_type": "RIDGED_MULTIFRACTAL", "noise_dimensions": "2D"},
      {"Offset": 0.9, "Gain": 1.5}, "Fac"),
     ("Noise", {"noise_type": "HETERO_TERRAIN", "noise_dimensions": "4D"},
@@ -196,8 +197,19 @@ def patterns_octaves(b):
     wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)), nodes=OCTAVES)
 
 
+def halved(nodes, links, color):
+    """Numbers within 0 and 1: Cycles reflects more above, and takes light away below."""
+    if color.name == "Color":
+        return color
+    node = nodes.new("ShaderNodeMath")
+    node.operation, node.use_clamp = "MULTIPLY", True
+    node.inputs[1].default_value = 0.5
+    links.new(color, node.inputs[0])
+    return node.outputs[0]
+
+
 def patterns_fractals(b):
-    wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)), nodes=FRACTALS)
+    wall(b, mapped("ShaderNodeTexCoord", "Object", (0.4, -0.3, 0.8)), halved, FRACTALS)
 
 
 def patterns_ramp(b):
