@@ -135,6 +135,8 @@ class Images:
             return float(values.node_ramp(value)[1].mean())
         if isinstance(value, values.ScaleValue):
             return self.mean(value.value) * self.mean(value.factor)
+        if isinstance(value, values.ChannelsValue):
+            return sum(map(self.mean, value.parts)) / 3
         amount = self.mean(value.amount) if isinstance(value, values.MixValue) else 0.5
         return self.mean(value.first) * (1 - amount) + self.mean(value.second) * amount
 

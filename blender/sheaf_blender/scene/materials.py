@@ -149,6 +149,8 @@ class TextureTable:
             value = values.RampValue(value, values.reach_of(value), ())  # Colors are not below 0.
         if isinstance(value, values.RampValue):
             return self._ramp(value, value.value, as_color)
+        if isinstance(value, values.ChannelsValue):
+            value = values.sum_of_channels(value) if as_color else values.gray(value)
         if isinstance(value, values.ScaleValue):
             return "scale", {**self.parameter("tex", value.value, as_color),
                              **self.parameter("scale", value.factor, False)}

@@ -48,6 +48,12 @@ class RampValue:
 
 
 @dataclasses.dataclass(frozen=True)
+class ChannelsValue:
+    """A color of three numbers, not all of which are constant."""
+    parts: tuple
+
+
+@dataclasses.dataclass(frozen=True)
 class CheckerValue:
     first: object  # Where floor(u) + floor(v) is even.
     second: object
@@ -112,6 +118,8 @@ def is_color(value):
         return _makes_color(value.operations, True)
     if isinstance(value, (NodeValue, RampValue)):  # Operations of a node begin with its factor.
         return _makes_color(value.operations, getattr(value, "wants_color", False))
+    if isinstance(value, ChannelsValue):
+        return True
     if isinstance(value, ScaleValue):
         return is_color(value.value)
     if isinstance(value, (MixValue, CheckerValue)):
@@ -130,7 +138,7 @@ def _makes_color(operations, found):
 
 def is_composite(value):
     """Whether several textures make the value."""
-    return isinstance(value, (MixValue, ScaleValue, CheckerValue, RampValue))
+    return isinstance(value, (MixValue, ScaleValue, CheckerValue, RampValue, ChannelsValue))
 
 
 def reach_of(value):
@@ -145,8 +153,9 @@ def reach_of(value):
     if isinstance(value, ScaleValue):
         products = [x * y for x in reach_of(value.value) for y in reach_of(value.factor)]
         return min(products), max(products)
-    both = [*reach_of(value.first), *reach_of(value.second)]
-    return min(both), max(both)
+    parts = value.parts if isinstance(value, ChannelsValue) else (value.first, value.second)
+    limits = [limit for part in parts for limit in reach_of(part)]
+    return min(limits), max(limits)
 
 
 def color(value):
@@ -211,18 +220,30 @@ def apply(value, name, *arguments):
                                    is_simplified=value.is_simplified or value.wants_color)
     if isinstance(value, RampValue):
         return dataclasses.replace(value, operations=value.operations + ((name, arguments),))
-    if name == "ramp":  # It begins with the luminance.
-        value = gray(value)
+    if isinstance(value, ChannelsValue) and name in ("channel", "multiply", "gray"):
+        return _apply_to_channels(value.parts, name, arguments)
+    if name == "ramp" and is_color(value):  # It begins with the luminance.
+        return apply(gray(value), name, *arguments)
     is_passed_on = name in pixel_ops.GRAY or name == "multiply" or isinstance(value, CheckerValue)
     if not is_passed_on and not is_color(value):
         return RampValue(value, reach_of(value), ((name, arguments),))
     if not is_passed_on and name not in pixel_ops.HUES:
         return combined([apply(apply(apply(value, "channel", i), name, *arguments), "channel", i)
                          for i in range(3)])
+    if isinstance(value, ChannelsValue):
+        return value  # A hue; NodeValues reports it.
     if isinstance(value, ScaleValue):
         return ScaleValue(apply(value.value, name, *arguments), value.factor)
     return dataclasses.replace(value, first=apply(value.first, name, *arguments),
                                second=apply(value.second, name, *arguments))
+
+
+def _apply_to_channels(parts, name, arguments):
+    if name == "channel":
+        return parts[arguments[0]]
+    weights = arguments if name == "multiply" else _LUMINANCE
+    found = [multiply(part, weight) for part, weight in zip(parts, weights)]
+    return combined(found) if name == "multiply" else add(add(found[0], found[1]), found[2])
 
 
 def _apply_at_vertices(value, name, arguments):
@@ -278,10 +299,15 @@ def combined(parts):
     """The color of three numbers; None if one of them is."""
     if None in parts:
         return None
-    found = (0.0, 0.0, 0.0)
-    for axis, part in enumerate(parts):
-        found = add(found, multiply(part, tuple(float(i == axis) for i in range(3))))
-    return found
+    parts = tuple(map(gray, parts))
+    return parts if all(map(is_constant, parts)) else ChannelsValue(parts)
+
+
+def sum_of_channels(value):
+    """A ChannelsValue as the sum of three colored textures."""
+    colors = [multiply(part, tuple(float(i == axis) for i in range(3)))
+              for axis, part in enumerate(value.parts)]
+    return add(add(colors[0], colors[1]), colors[2])
 
 
 def add(a, b):

@@ -21,9 +21,10 @@ import scenes_meaning
 
 FOLDER, AT_A_TIME, *CHOSEN = sys.argv[sys.argv.index("--") + 1:]
 FRAMES = (1, 2)
-# The engine of the render itself, and what names the frames that are rendered.
-_LEFT_OUT = {("RenderSettings", "engine"), ("RenderSettings", "filepath")}
-INPUTS_MIN = 600  # A walk that finds fewer has lost some.
+# Properties that make one of the table.
+_MORE = {"Object": {"location", "rotation_euler", "rotation_mode", "scale", "delta_location",
+                    "delta_rotation_euler", "delta_scale", "instance_faces_scale"}}
+INPUTS_MIN = 500  # A walk that finds fewer has lost some.
 
 
 def owners(b):
@@ -99,11 +100,15 @@ def two_values(instance, known):
     return None
 
 
-def inputs_of(instance):
+def inputs_of(owner, instance):
     """[(owner, property)] of what can be keyed: properties, and values of sockets."""
+    from sheaf_blender.scene import settings_table
+    wanted = None
+    if owner in settings_table.TABLE:
+        wanted = settings_table.names(owner) | _MORE.get(owner, set())
     found = [(instance, known) for known in instance.bl_rna.properties
              if known.is_animatable and not known.is_readonly
-             and (instance.bl_rna.identifier, known.identifier) not in _LEFT_OUT]
+             and (wanted is None or known.identifier in wanted)]
     if isinstance(instance, bpy.types.Node):
         found += [(socket, socket.bl_rna.properties["default_value"])
                   for socket in instance.inputs if hasattr(socket, "default_value")
@@ -176,7 +181,7 @@ class Walk:
             builder = scenes.Builder(FOLDER)
             in_blender.use_sheaf(builder.scene, 16)
             instance = make(builder)
-            inputs = inputs_of(instance) if instance is not None else []
+            inputs = inputs_of(name, instance) if instance is not None else []
             count = len(inputs)
             self.inputs(name, builder.scene, inputs[at:at + int(AT_A_TIME)])
             at += int(AT_A_TIME)
