@@ -22,8 +22,10 @@ import scenes_meaning
 FOLDER, AT_A_TIME, *CHOSEN = sys.argv[sys.argv.index("--") + 1:]
 FRAMES = (1, 2)
 # Properties that make one of the table.
-_MORE = {"Object": {"location", "rotation_euler", "rotation_mode", "scale", "delta_location",
+_MORE = {"Object": {"location", "rotation_euler", "scale", "delta_location",
                     "delta_rotation_euler", "delta_scale", "instance_faces_scale"}}
+# Blender's own render reads the number of views of an animation before the first frame's keys.
+_LEFT_OUT = {"use_multiview"}
 INPUTS_MIN = 500  # A walk that finds fewer has lost some.
 
 
@@ -106,9 +108,13 @@ def inputs_of(owner, instance):
     wanted = None
     if owner in settings_table.TABLE:
         wanted = settings_table.names(owner) | _MORE.get(owner, set())
+    if isinstance(instance, bpy.types.Node):  # Not those of the editor, nor of the class.
+        wanted = {known.identifier for known in instance.bl_rna.properties} - {
+            known.identifier for known in bpy.types.ShaderNode.bl_rna.properties} | {"mute"}
     found = [(instance, known) for known in instance.bl_rna.properties
              if known.is_animatable and not known.is_readonly
-             and (wanted is None or known.identifier in wanted)]
+             and (wanted is None or known.identifier in wanted)
+             and known.identifier not in _LEFT_OUT]
     if isinstance(instance, bpy.types.Node):
         found += [(socket, socket.bl_rna.properties["default_value"])
                   for socket in instance.inputs if hasattr(socket, "default_value")
