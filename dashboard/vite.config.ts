@@ -9,7 +9,7 @@ import {defineConfig} from 'vite';
 import type {Plugin} from 'vite';
 
 const NOTICE = '/*! Copyright the Sheaf authors. SPDX-License-Identifier: Apache-2.0\n' +
-    '    Contains uPlot, see licences.txt. */\n';
+    '    Contains packages of others, see licences.txt. */\n';
 
 // Minification drops comments: restores the notice, with the license of the bundled library.
 function notices(): Plugin {
@@ -24,12 +24,14 @@ function notices(): Plugin {
         else if (/\.(css|js)$/.test(file.fileName))
           file.source = NOTICE + file.source;
       }
-      const licence = readFileSync('node_modules/uplot/LICENSE', 'utf8');
+      const licences = ['uplot', 'fflate', 'jpeg-js'].map(
+          name => '\n\n' + name + ', https://www.npmjs.com/package/' + name + ':\n\n' +
+              readFileSync('node_modules/' + name + '/LICENSE', 'utf8'));
       this.emitFile({
         type: 'asset',
         fileName: 'licences.txt',
-        source: 'Sheaf: Copyright the Sheaf authors. SPDX-License-Identifier: Apache-2.0\n\n' +
-            'uPlot, https://github.com/leeoniya/uPlot:\n\n' + licence,
+        source: 'Sheaf: Copyright the Sheaf authors. SPDX-License-Identifier: Apache-2.0' +
+            licences.join(''),
       });
     },
   };

@@ -3,6 +3,7 @@
 #include "cli/gltf/gltf_inputs.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <vector>
@@ -41,6 +42,11 @@ Rgb LookUp(const FloatImage& image, Vec3d d) {
          (TexelOf(image, x0, y0 + 1) * (1 - fx) + TexelOf(image, x0 + 1, y0 + 1) * fx) * fy;
 }
 
+Vec3d Turn(const std::array<double, 9>& m, Vec3d d) {
+  return {m[0] * d.x + m[1] * d.y + m[2] * d.z, m[3] * d.x + m[4] * d.y + m[5] * d.z,
+          m[6] * d.x + m[7] * d.y + m[8] * d.z};
+}
+
 // Converts by the primaries that the file gives.
 void MoveToSrgb(const std::string& path, FloatImage* image) {
   const std::optional<Matrix4> srgb_from_file =
@@ -67,7 +73,8 @@ GltfView ViewOf(const GltfArguments& arguments, const FilmSize& size, int32_t fr
   return view;
 }
 
-absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path) {
+absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path,
+                                                 const UsdEnvironment& turned) {
   absl::StatusOr<FloatImage> image = ReadImage(path);
   if (!image.ok()) return image.status();
   MoveToSrgb(path, &*image);
@@ -85,9 +92,11 @@ absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path) {
       for (int k = 0; k < kSamples * kSamples; ++k) {
         const double s = (column + (k % kSamples + 0.5) / kSamples) / size;
         const double t = (row + (k / kSamples + 0.5) / kSamples) / size;
-        sum += LookUp(*image, render::EqualAreaSquareToSphere({s, t}));
+        sum += LookUp(*image, Turn(turned.rotation, render::EqualAreaSquareToSphere({s, t})));
       }
-      sum *= 1.0f / (kSamples * kSamples);
+      for (size_t c = 0; c < 3; ++c) {
+        sum[c] *= static_cast<float>(turned.scale[c] / (kSamples * kSamples));
+      }
       bytes.append(reinterpret_cast<const char*>(&sum), sizeof sum);
     }
   }
@@ -113,8 +122,35 @@ absl::Status GltfInputs::Add(const std::string& main_file, int32_t frame_number,
     view.environment = main_file + ".environment.pfm";
     const absl::StatusOr<std::string> path = files->DerivedPath(view.environment, **environment_);
     if (!path.ok()) return path.status();
+  } else {
+    const MutexLock lock(&mutex_);
+    if (const auto found = usd_environments_.find(main_file); found != usd_environments_.end()) {
+      if (!found->second.ok()) return found->second.status();
+      view.environment = main_file + ".environment.pfm";
+      const absl::StatusOr<std::string> path = files->DerivedPath(view.environment, *found->second);
+      if (!path.ok()) return path.status();
+    }
   }
   return files->DerivedPath(GltfViewFile(main_file), EncodeGltfView(view)).status();
+}
+
+absl::StatusOr<std::vector<std::string>> GltfInputs::AddUsd(const std::string& path,
+                                                            const std::string& main_file,
+                                                            FileSource* files) {
+  const MutexLock lock(&mutex_);
+  auto found = usd_scenes_.find(path);
+  if (found == usd_scenes_.end()) found = usd_scenes_.emplace(path, ConvertUsd(path)).first;
+  if (!found->second.ok()) return found->second.status();
+  const absl::StatusOr<std::string> derived = files->DerivedPath(main_file, found->second->glb);
+  if (!derived.ok()) return derived.status();
+  if (const auto& dome = found->second->environment;
+      dome && arguments_.environment.empty() && !usd_environments_.contains(main_file)) {
+    const absl::StatusOr<std::string> image =
+        derived_->Put(dome->image, absl::StrCat("environment", dome->ending));
+    usd_environments_.emplace(main_file,
+                              image.ok() ? EqualAreaEnvironment(*image, *dome) : image.status());
+  }
+  return found->second->notes;
 }
 
 }  // namespace sheaf::cli

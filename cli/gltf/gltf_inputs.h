@@ -6,11 +6,14 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
+#include "cli/usd/usd_scene.h"
 #include "common/base/mutex.h"
 #include "common/scene/derived_files.h"
 #include "common/scene/file_source.h"
@@ -39,8 +42,10 @@ GltfView ViewOf(const GltfArguments& arguments, const FilmSize& size, int32_t fr
 
 // The bytes of a PFM image that is the equal-area map (common of pbrt-v4) of an equirectangular one
 // whose center is the direction +x, its right +z and its top +y, as in three.js and Blender's glTF
-// exporter. Errors: those of ReadImage; kInvalidArgument if it is not twice as wide as high.
-absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path);
+// exporter. turned: its rotation and scale; the rest is unused. Errors: those of ReadImage;
+// kInvalidArgument if it is not twice as wide as high.
+absl::StatusOr<std::string> EqualAreaEnvironment(const std::string& path,
+                                                 const UsdEnvironment& turned = {});
 
 // Thread safety: members may be called concurrently.
 class GltfInputs {
@@ -54,6 +59,11 @@ class GltfInputs {
   // Adds view and environment to the files of a glTF scene; a no-op for other scenes.
   // Errors: kInvalidArgument for flags that another scene cannot have; EqualAreaEnvironment's.
   absl::Status Add(const std::string& main_file, int32_t frame_number, FileSource* files);
+  // Converts a USD scene, once for all frames, and adds it as the file `main_file`; call before
+  // Add. Its environment is used unless the arguments have one. Returns the converter's notes.
+  // Errors: ConvertUsd's; EqualAreaEnvironment's.
+  absl::StatusOr<std::vector<std::string>> AddUsd(const std::string& path,
+                                                  const std::string& main_file, FileSource* files);
 
  private:
   const GltfArguments arguments_;
@@ -61,6 +71,10 @@ class GltfInputs {
   const std::shared_ptr<DerivedFiles> derived_;
   Mutex mutex_;
   std::optional<absl::StatusOr<std::string>> environment_ ABSL_GUARDED_BY(mutex_);
+  // By path.
+  std::map<std::string, absl::StatusOr<UsdScene>> usd_scenes_ ABSL_GUARDED_BY(mutex_);
+  // Those of USD scenes, by their main_file.
+  std::map<std::string, absl::StatusOr<std::string>> usd_environments_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace sheaf::cli

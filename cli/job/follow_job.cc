@@ -172,7 +172,7 @@ absl::StatusOr<Delivery> MakeDelivery(const JobArguments& arguments, Numbering n
   Delivery delivery{{}, std::move(view), arguments.format, "", arguments.denoise_with};
   delivery.png_layer = arguments.png_layer;
   delivery.detail = arguments.detail;
-  if (IsGltfName(arguments.scene)) {
+  if (IsGltfName(NameAsRead(arguments.scene))) {
     delivery.black_advice = "; --environment names an image of a glTF scene's surroundings";
   }
   std::vector<std::string> outputs;

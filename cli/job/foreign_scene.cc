@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "cli/usd/usd_scene.h"
 #include "common/scene/formats/text_input.h"
 #include "common/scene/gltf/gltf_view.h"
 
@@ -18,6 +19,7 @@ constexpr size_t kHeadBytes = 4096;
 
 constexpr char kAssimp[] = "convert it, for example with: assimp export ROOM.fbx room.glb";
 constexpr char kGltfName[] = "name it .gltf or .glb";
+constexpr char kUsdName[] = "name it .usd";
 constexpr char kByBlender[] =
     "open it in Blender and export it as glTF, or as pbrt-v4 with Sheaf's add-on";
 constexpr char kByHand[] = "docs/pbrt-v4.md describes the scenes that Sheaf reads";
@@ -39,10 +41,8 @@ using namespace std::string_view_literals;  // NOLINT: magic numbers hold zeros.
 constexpr Format kFormats[] = {
     {"BLENDER"sv, ".blend"sv, "a Blender file", kByBlender},
     {"glTF"sv, ""sv, "a glTF file", kGltfName},
-    {"PXR-USDC"sv, ".usdc"sv, "a USD file", kByBlender},
-    {"#usda"sv, ".usda"sv, "a USD file", kByBlender},
-    {""sv, ".usd"sv, "a USD file", kByBlender},
-    {""sv, ".usdz"sv, "a USD file", kByBlender},
+    {"PXR-USDC"sv, ""sv, "a USD file", kUsdName},
+    {"#usda"sv, ""sv, "a USD file", kUsdName},
     {"Ogawa"sv, ".abc"sv, "an Alembic file", kByBlender},
     {"Kaydara FBX Binary"sv, ".fbx"sv, "an FBX file", kAssimp},
     {""sv, ".dae"sv, "a COLLADA file", kAssimp},
@@ -79,8 +79,9 @@ absl::Status Refusal(const std::string& path, const std::string& what, const std
 }  // namespace
 
 absl::Status CheckSceneFormat(const std::string& path, const std::string& head) {
-  if (IsGltfName(path)) return absl::OkStatus();  // Its reader says what is wrong with it.
-  // The name is checked first: a .blend may be compressed, and a .usdz is a zip archive.
+  // Their readers say what is wrong with them.
+  if (IsGltfName(NameAsRead(path))) return absl::OkStatus();
+  // The name is checked first: a .blend may be compressed.
   for (const Format& format : kFormats) {
     if (EndsSo(path, format.ending)) return Refusal(path, format.what, format.advice);
   }

@@ -25,7 +25,8 @@ TEST(ForeignSceneTest, FormatsAreRecognizedByTheirFirstBytes) {
   EXPECT_THAT(Refusal("x", "glTF\x02"), HasSubstr("a glTF file"));
   EXPECT_THAT(Refusal("x", "\n{ \"asset\": {\"version\": \"2.0\"}}"),
               HasSubstr("name it .gltf or .glb"));
-  EXPECT_THAT(Refusal("x", "PXR-USDC"), HasSubstr("a USD file"));
+  EXPECT_THAT(Refusal("x", "PXR-USDC"),
+              HasSubstr("a USD file, not a pbrt-v4 or glTF scene; name it"));
   EXPECT_THAT(Refusal("x", "#usda 1.0\n"), HasSubstr("a USD file"));
   EXPECT_THAT(Refusal("x", "<?xml version=\"1.0\"?>\n<scene version=\"3.0.0\">"),
               HasSubstr("a Mitsuba scene"));
@@ -36,7 +37,11 @@ TEST(ForeignSceneTest, FormatsAreRecognizedByTheirFirstBytes) {
 
 TEST(ForeignSceneTest, CompressedFormatsAreRecognizedByName) {
   EXPECT_THAT(Refusal("room.blend", "\x28\xb5\x2f\xfd"), HasSubstr("a Blender file"));
-  EXPECT_THAT(Refusal("Room.USDZ", "PK\x03\x04"), HasSubstr("a USD file"));
+}
+
+TEST(ForeignSceneTest, UsdIsAccepted) {
+  EXPECT_EQ(Refusal("Room.USDZ", "PK\x03\x04"), "");
+  EXPECT_EQ(Refusal("room.usdc", "PXR-USDC"), "");
 }
 
 TEST(ForeignSceneTest, PbrtScenesAreAccepted) {

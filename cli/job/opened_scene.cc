@@ -4,10 +4,12 @@
 
 #include <filesystem>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "cli/job/foreign_scene.h"
 #include "cli/message.h"
+#include "cli/usd/usd_scene.h"
 #include "common/base/load_phases.h"
 #include "common/base/memory_room.h"
 #include "common/base/status.h"
@@ -27,9 +29,15 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
   if (absl::Status status = CheckSceneFormatOf(path); !status.ok()) return status;
   const std::filesystem::path scene(path);
   const std::string directory = scene.parent_path().string();
-  const std::string main_file = scene.filename().string();
+  const std::string main_file = NameAsRead(scene.filename().string());
   auto files = std::make_unique<OpenedFiles>(directory.empty() ? "." : directory, gltf->derived(),
                                              main_file);
+  std::vector<std::string> usd_notes;
+  if (IsUsdName(path)) {
+    absl::StatusOr<std::vector<std::string>> notes = gltf->AddUsd(path, main_file, files.get());
+    if (!notes.ok()) return notes.status();
+    usd_notes = *std::move(notes);
+  }
   if (absl::Status status = gltf->Add(main_file, frame_number, files.get()); !status.ok()) {
     return status;
   }
@@ -40,6 +48,10 @@ absl::StatusOr<SceneFile> ReadSceneFile(const std::string& path, GltfInputs* glt
   }
   absl::StatusOr<ReadSceneResult> read = ReadSceneByName(main_file, *files, limits);
   if (!read.ok()) return ChangeOr(read.status(), *files);
+  for (const std::string& note : usd_notes) {
+    read->diagnostics.push_back(
+        {SceneDiagnostic::Severity::kNote, absl::StrCat(path, ": note: ", note)});
+  }
   ResizeFilm(gltf->size(), &read->scene);
   if (std::string black =
           WhyBlack(read->scene, IsGltfName(main_file) ? SceneFormat::kGltf : SceneFormat::kPbrt);

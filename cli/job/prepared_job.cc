@@ -20,6 +20,7 @@
 #include "cli/job/input_check.h"
 #include "cli/job/opened_scene.h"
 #include "cli/job/output_files.h"
+#include "cli/usd/usd_scene.h"
 #include "common/base/digest.h"
 #include "common/base/printable.h"
 #include "common/base/status.h"
@@ -119,9 +120,10 @@ absl::StatusOr<ReadFrameResult> ReadFrame(const std::string& path, int32_t numbe
   // The hashed bytes are those that were read.
   result.inputs = file->files->States();
   result.outside = file->files->Outside();
-  result.is_photometric = IsPhotometric(path, read.scene);
+  result.is_photometric = IsPhotometric(NameAsRead(path), read.scene);
   if (absl::Status status = CheckUnchanged(result.inputs); !status.ok()) return status;
-  Manifest manifest = MakeManifest(fs::path(path).filename().string(), std::move(files));
+  Manifest manifest =
+      MakeManifest(NameAsRead(fs::path(path).filename().string()), std::move(files));
   CameraMatrices camera = CameraMatricesOf(read.scene.camera);
   manifest.world_to_camera = std::move(camera.world_to_camera);
   manifest.world_to_ndc = std::move(camera.world_to_ndc);
@@ -164,8 +166,8 @@ absl::StatusOr<FramePath> DefaultName(const JobArguments& arguments, Numbering n
   }
   fs::path name = fs::path(arguments.scene).filename();
   // A glTF file holds all frames, and the frames of a pattern may have a folder each.
-  const bool has_number =
-      numbering != Numbering::kUnasked && !IsGltfName(arguments.scene) && LongestRun(name) > 0;
+  const bool has_number = numbering != Numbering::kUnasked &&
+                          !IsGltfName(NameAsRead(arguments.scene)) && LongestRun(name) > 0;
   const bool needs_number = job.frames.size() > 1 && !has_number;
   name.replace_extension(needs_number ? ".####.exr" : ".exr");
   if (!has_number && !needs_number) return FramePath{name.string()};
@@ -188,7 +190,7 @@ absl::StatusOr<std::vector<int32_t>> FrameNumbers(const JobArguments& arguments)
 
 absl::StatusOr<FramePath> ScenePath(const JobArguments& arguments) {
   const std::string& scene = arguments.scene;
-  const bool is_gltf = IsGltfName(scene);
+  const bool is_gltf = IsGltfName(NameAsRead(scene));
   if (arguments.frames.empty() || is_gltf) {
     std::error_code ignored;
     if (!is_gltf && scene.find('#') != std::string::npos && !fs::exists(scene, ignored)) {

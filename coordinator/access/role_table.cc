@@ -91,6 +91,7 @@ constexpr OperationRule kRules[] = {
     {"GET /app.js", kView},
     {"GET /error_chart.js", kView},
     {"GET /exposure_worker.js", kView},
+    {"GET /usd_worker.js", kView},
 
     {"GET /healthz", kNothing},
     {"GET /readyz", kNothing},

@@ -11,11 +11,12 @@ import type {DroppedFile} from './dropped_files';
 import type {Store} from './store';
 import {getOffer, Submission} from './submission';
 import type {Offer, SubmissionState} from './submission';
+import {withoutUsd} from './usd_files';
 
 const ATTEMPT = 'submitting a scene';
 const DROP_WORDS = 'Drop a scene: its files, their folder, or a zip file';
-const PICK_WORDS = 'Drop a .pbrt, .gltf or .glb file with the files that it names, their folder, ' +
-    'or a zip file of it.';
+const PICK_WORDS = 'Drop a .pbrt, .gltf, .glb or USD file with the files that it names, their ' +
+    'folder, or a zip file of it.';
 
 // pick: no files yet; ready: files that can be submitted; busy: they are sent or read; choose: the
 // scene among them; ended: there is a job, or none can be made.
@@ -30,6 +31,8 @@ export class SubmitDialog {
   private files: DroppedFile[] = [];
   private submission: Submission|null = null;
   private offer: Offer|null = null;
+  // The parts that the files' conversion left out.
+  private notes: string[] = [];
   // Why this user cannot submit; empty: they can.
   private whyNot = '';
 
@@ -120,6 +123,7 @@ export class SubmitDialog {
     void this.submission?.stop();
     this.submission = null;
     this.files = [];
+    this.notes = [];
     this.phase = 'pick';
     this.say('');
   }
@@ -173,13 +177,19 @@ export class SubmitDialog {
   }
 
   private async send(submission: Submission) {
-    const total = Math.max(1, this.bytes());
     setProgress(this.bar, 0, 'running');
+    this.say('The files are being read …');
+    const {files, notes} = await withoutUsd(this.files);
+    if (this.submission !== submission) return;
+    this.files = files;
+    this.notes = notes;
+    const total = Math.max(1, this.bytes());
     this.say('The files are being sent …');
     await submission.send(this.files, (sent) => setProgress(this.bar, sent / total, 'running'));
   }
 
-  private show({state, scenes, messages, job}: SubmissionState) {
+  private show({state, scenes, messages: said, job}: SubmissionState) {
+    const messages = [...this.notes, said].filter((one) => one !== '').join('\n');
     if (state === 'choosing') {
       this.scene.replaceChildren(...scenes.map((scene) => el('option', {}, scene)));
       this.phase = 'choose';

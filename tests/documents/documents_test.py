@@ -32,6 +32,7 @@ NOT_RUN = {
     "docs/elastic.md": "they need Slurm, Kubernetes or a container engine: tests/engines",
     "docs/failures.md": "they need a task that fails: failure_classes_test.py, repro_test.py",
     "docs/gltf.md": "they need models and minutes: tests/gltf/models_test.py",
+    "docs/usd.md": "they need models: tests/usd/converter_test.py",
     "docs/object-storage.md": "they need a server that speaks S3: tests/engines/s3",
     "docs/operations.md": "they need root and systemd",
     "docs/outputs.md": "client_test.py and the tests of outputs have them",

@@ -28,8 +28,8 @@ LIBRARY_VALIDATORS = re.compile(
 # The folders of a module from the lowest to the highest: each may include those before it. "|"
 # separates folders of one level, which do not include each other.
 ROOMS = {
-    "cli": ". < image | denoiser | gltf < job/format | job/frames | job/identity < job | bundle "
-           "< dropped | quote < study | profile < commands",
+    "cli": ". < image | denoiser | usd < gltf < job/format | job/frames | job/identity < job "
+           "| bundle < dropped | quote < study | profile < commands",
     "common/film": ". < denoise | display | light < error < exr",
     "common/scene": ". < spectrum < settings | formats | gltf/draco | gltf/surrounding "
                     "< pbrt/syntax < pbrt/statements < pbrt < gltf < reader",

@@ -51,10 +51,9 @@ constexpr int kDeadly[] = {
     // Networks and other processes' channels.
     SCMP_SYS(accept), SCMP_SYS(accept4), SCMP_SYS(bind), SCMP_SYS(connect), SCMP_SYS(listen),
     SCMP_SYS(recvfrom), SCMP_SYS(sendmsg), SCMP_SYS(sendto), SCMP_SYS(socket), SCMP_SYS(socketpair),
-    // Programs and other processes.
-    SCMP_SYS(execve), SCMP_SYS(execveat), SCMP_SYS(fork), SCMP_SYS(kill), SCMP_SYS(pidfd_getfd),
-    SCMP_SYS(pidfd_open), SCMP_SYS(pidfd_send_signal), SCMP_SYS(process_vm_readv),
-    SCMP_SYS(process_vm_writev), SCMP_SYS(ptrace), SCMP_SYS(vfork),
+    // Other processes.
+    SCMP_SYS(pidfd_getfd), SCMP_SYS(pidfd_open), SCMP_SYS(pidfd_send_signal),
+    SCMP_SYS(process_vm_readv), SCMP_SYS(process_vm_writev), SCMP_SYS(ptrace),
     // Privileges, namespaces and mounts.
     SCMP_SYS(capset), SCMP_SYS(chroot), SCMP_SYS(fsmount), SCMP_SYS(fsopen), SCMP_SYS(mount),
     SCMP_SYS(move_mount), SCMP_SYS(open_by_handle_at), SCMP_SYS(open_tree), SCMP_SYS(pivot_root),
@@ -65,10 +64,15 @@ constexpr int kDeadly[] = {
     SCMP_SYS(kexec_load), SCMP_SYS(perf_event_open), SCMP_SYS(reboot), SCMP_SYS(request_key),
     SCMP_SYS(userfaultfd)};
 
+// Programs, which others than renderers start.
+constexpr int kDeadlyPrograms[] = {SCMP_SYS(execve), SCMP_SYS(execveat), SCMP_SYS(fork),
+                                   SCMP_SYS(kill), SCMP_SYS(vfork)};
+
 // Collects rules; remembers the first error.
 class Filter {
  public:
-  Filter() : context_(seccomp_init(SCMP_ACT_ERRNO(EPERM))) {
+  // otherwise: what happens to calls without a rule.
+  explicit Filter(uint32_t otherwise) : context_(seccomp_init(otherwise)) {
     if (context_ == nullptr) error_ = ENOMEM;
   }
   ~Filter() { seccomp_release(context_); }
@@ -140,9 +144,10 @@ void AllowReadingLimits(Filter* filter) {
 }  // namespace
 
 absl::Status FilterSystemCalls(bool writes) {
-  Filter filter;
+  Filter filter(SCMP_ACT_ERRNO(EPERM));
   for (const int call : kAllowed) filter.Add(SCMP_ACT_ALLOW, call);
   for (const int call : kDeadly) filter.Add(SCMP_ACT_KILL_PROCESS, call);
+  for (const int call : kDeadlyPrograms) filter.Add(SCMP_ACT_KILL_PROCESS, call);
   if (writes) {
     for (const int call : kWritingCalls) filter.Add(SCMP_ACT_ALLOW, call);
   } else {
@@ -152,6 +157,12 @@ absl::Status FilterSystemCalls(bool writes) {
   AllowOwnSignals(&filter);
   AllowReceivingFiles(&filter);
   AllowReadingLimits(&filter);
+  return filter.Load();
+}
+
+absl::Status ForbidNetworkAndTracing() {
+  Filter filter(SCMP_ACT_ALLOW);
+  for (const int call : kDeadly) filter.Add(SCMP_ACT_ERRNO(EPERM), call);
   return filter.Load();
 }
 

@@ -17,4 +17,9 @@ namespace sheaf::worker {
 // Errors: kUnavailable if the kernel has no seccomp filters.
 absl::Status FilterSystemCalls(bool writes = false);
 
+// For programs of others, which need more: from now on, this process and its threads to come cannot
+// use networks, trace or read other processes, mount, or change the kernel; such calls fail with
+// EPERM. Requires and errors: as FilterSystemCalls.
+absl::Status ForbidNetworkAndTracing();
+
 }  // namespace sheaf::worker
