@@ -27,6 +27,14 @@ LightSource "infinite" "rgb L" [1 1 1]
 Include "parts/ball.pbrt"
 """
 BALL = 'Shape "sphere"\n'
+USD = """#usda 1.0
+def NurbsPatch "Patch" {
+}
+def Mesh "Triangle" { int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+}
+"""
 BROKEN = SCENE.replace("Include", "Inklude")
 DIALOG_IS_OPEN = "return document.getElementById('submit-dialog').open"
 DISABLED = "return document.getElementById(arguments[0]).disabled"
@@ -154,6 +162,7 @@ def check_submission(browser, farm, screenshot):
     close(browser)
 
     check_choice(browser, farm)
+    check_usd(browser, farm)
     drop_bytes(browser, {"broken.pbrt": BROKEN.encode()})
     state = submit(browser)
     messages = browser.run(TEXT, "submit-messages")
@@ -180,6 +189,20 @@ def check_choice(browser, farm):
     wait_until(lambda: browser.run(TEXT, "submit-state").startswith("Submitted as"),
                READ_SECONDS_MAX, "the job of the chosen scene")
     assert job_of(farm, browser.run(TEXT, "submit-state"))["title"] == "a.pbrt"
+    close(browser)
+
+
+def check_usd(browser, farm):
+    """USD becomes glTF in the browser, with notes; a broken file is refused with its line."""
+    drop_bytes(browser, {"toy.usda": USD.encode()})
+    assert job_of(farm, submit(browser))["title"] == "toy.usda.glb"
+    messages = browser.run(TEXT, "submit-messages")
+    assert "note: prims of the type NurbsPatch are left out (/Patch)" in messages, messages
+    close(browser)
+    drop_bytes(browser, {"toy.usda": USD.replace("[3]", "[3").encode()})
+    state = submit(browser)
+    messages = browser.run(TEXT, "submit-messages")
+    assert state == "The scene was not submitted:" and "toy.usda: line " in messages, messages
     close(browser)
 
 

@@ -327,6 +327,7 @@ export class CrateValues {
 
   private array(type: Type, isCompressed: boolean): Value {
     const {bytes} = this;
+    if (this.version < 5) bytes.u32();  // The number of dimensions, which is 1.
     const count = this.version < 7 ? bytes.u32() : bytes.u64();
     const shape = SHAPES[type];
     if (isCompressed) return this.compressedArray(type, count);

@@ -77,6 +77,7 @@ function mapPath(path: string, map: PathMap): string {
 // A composed prim.
 export class StagePrim {
   private cachedChildren: StagePrim[]|undefined;
+  private childrenByName: Map<string, StagePrim>|undefined;
 
   constructor(
       readonly stage: Stage, readonly path: string, readonly name: string,
@@ -196,7 +197,8 @@ export class StagePrim {
   }
 
   child(name: string): StagePrim|undefined {
-    return this.children.find(c => c.name === name);
+    this.childrenByName ??= new Map(this.children.map(c => [c.name, c]));
+    return this.childrenByName.get(name);
   }
 }
 
