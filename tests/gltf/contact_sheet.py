@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 # Copyright the Sheaf authors.
 # SPDX-License-Identifier: Apache-2.0
-"""Renders all glTF models below folders small, as one picture, and counts what happened.
+"""Renders all glTF and USD models below folders small, as one picture, and counts what happened.
 
     tests/gltf/contact_sheet.py SHEAF SHEET.png FOLDER ... [--size 96] [--samples 8] [--limit N]
 
@@ -19,7 +19,7 @@ import tempfile
 
 import OpenImageIO as oiio
 
-ENDINGS = (".glb", ".gltf")
+ENDINGS = (".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz")
 SECONDS_MAX = 300
 EXITS_OF_REFUSAL = (4, 6)  # A scene with errors; a file that is missing.
 COLUMNS = 12

@@ -281,6 +281,11 @@ def DistantLight "Sun" {{
     float inputs:intensity = 3
     bool inputs:normalize = 1
 }}
+def SphereLight "Point" {{
+    float inputs:intensity = 7
+    float inputs:radius = 0
+    bool treatAsPoint = 1
+}}
 def SphereLight "Spot" {{
     float inputs:intensity = 5
     float inputs:radius = 2
@@ -295,6 +300,7 @@ def SphereLight "Spot" {{
         lights = {light["name"]: light for light in punctual}
         self.assertAlmostEqual(lights["Sun"]["intensity"], 3)
         self.assertAlmostEqual(lights["Spot"]["intensity"], 5 * math.pi * 4)
+        self.assertAlmostEqual(lights["Point"]["intensity"], 7 / 4)
         self.assertAlmostEqual(lights["Spot"]["spot"]["outerConeAngle"], math.radians(30))
         self.assertAlmostEqual(lights["Spot"]["spot"]["innerConeAngle"], math.radians(15))
 
@@ -312,6 +318,16 @@ def SphereLight "Spot" {{
             self.assertEqual(sky["scale"], [3] * 3)
             self.assertEqual(data[answer["glb"]:][:10], b"#?RADIANCE")
             self.assertEqual(len(data), answer["glb"] + sky["image"])
+
+    def test_images_of_domes_by_srgb(self):
+        self.write("sky.png", png(2, 1, [255, 0, 0, 188, 188, 188]))
+        path = self.write("sky.usda", f"""#usda 1.0
+def Mesh "Quad" {{ {QUAD} }}
+def DomeLight "Sky" {{ asset inputs:texture:file = @sky.png@ }}""")
+        answer, data = self.answer(path)
+        image = data[answer["glb"]:]
+        # A mantissa of 8 bits, and the exponent of the largest.
+        self.assertEqual(image[-8:], bytes([128, 0, 0, 129, 129, 129, 129, 128]))
 
     def test_composition(self):
         self.write("part.usda", f"""#usda 1.0

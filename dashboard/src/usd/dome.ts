@@ -10,6 +10,8 @@ import {emission} from './lights';
 import {decompose, multiply, ofQuaternion, rotationOf} from './matrix';
 import type {Matrix} from './matrix';
 import type {Note} from './mesh';
+import {decodeImage, srgbToLinear} from './pixels';
+import type {Pixels} from './pixels';
 import type {StagePrim} from './stage';
 
 // It is given beside the .glb file.
@@ -21,6 +23,23 @@ export interface Environment {
   rotation: number[];
   // Red, green and blue are multiplied by it.
   scale: number[];
+}
+
+// Pixels by sRGB's curve as Radiance's RGBE.
+function radianceOf({width, height, data}: Pixels): Uint8Array {
+  const head =
+      new TextEncoder().encode(`#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y ${height} +X ${width}\n`);
+  const result = new Uint8Array(head.length + data.length);
+  result.set(head);
+  for (let i = 0; i < data.length; i += 4) {
+    const linear = [0, 1, 2].map(k => srgbToLinear(data[i + k]! / 255));
+    const exponent = Math.ceil(Math.log2(Math.max(...linear, 1e-6) * 256 / 255));
+    linear.forEach((v, k) => {
+      result[head.length + i + k] = Math.round(v * 256 / 2 ** exponent);
+    });
+    result[head.length + i + 3] = exponent + 128;
+  }
+  return result;
 }
 
 // Two pixels of the value 1, as Radiance's RGBE.
@@ -43,18 +62,20 @@ export function environmentOf(
   const name = prim.attribute('inputs:texture:file') ? 'inputs:texture:file' : 'texture:file';
   const attribute = prim.attribute(name);
   const file = prim.value(name);
-  let image = WHITE;
+  let image: Uint8Array = WHITE;
   let ending = '.hdr';
   if (attribute && file instanceof Asset && file.path !== '') {
     const id = assets.resolve(attribute.id, file.path);
     const bytes = id && assets.bytes(id);
-    const begin = String.fromCharCode(...(bytes ?? []).slice(0, 4));
     if (!id || !bytes) {
       note('images of dome lights that are not there are left out', `${prim.path}: ${file.path}`);
       return undefined;
     }
-    if (begin !== 'v/1\x01' && !begin.startsWith('#?')) {
-      note('images of dome lights other than EXR and Radiance are left out', assetText(id));
+    const begin = String.fromCharCode(...bytes.slice(0, 4));
+    const pixels = decodeImage(bytes);
+    if ((pixels && pixels.width !== 2 * pixels.height) ||
+        (!pixels && begin !== 'v/1\x01' && !begin.startsWith('#?'))) {
+      note('images of dome lights that cannot be read are left out', assetText(id));
       return undefined;
     }
     const format = prim.string('inputs:texture:format') ?? 'automatic';
@@ -62,8 +83,8 @@ export function environmentOf(
       note('images of dome lights other than latlong are left out', prim.path);
       return undefined;
     }
-    image = Uint8Array.from(bytes);
-    ending = begin.startsWith('#?') ? '.hdr' : '.exr';
+    image = pixels ? radianceOf(pixels) : Uint8Array.from(bytes);
+    ending = begin === 'v/1\x01' ? '.exr' : '.hdr';
   }
   const pole = prim.string('poleAxis');
   const turnsPole = prim.type === 'DomeLight_1' && (pole === 'Z' || (isZUp && pole !== 'Y'));

@@ -175,9 +175,9 @@ export class Lights {
 
   private point(prim: StagePrim, index: number, s: number[], cone: number) {
     const radius = number(prim, 'radius', 0.5) * s[0]!;
-    const meters = radius * this.metersPerUnit;
-    const factor = Math.PI * meters * meters /
-        (this.normalized(prim) ? 4 * Math.PI * radius * radius || 1 : 1);
+    // The area in square meters over pi; where it is a divisor or 0, that of a sphere of area 1.
+    const part = this.normalized(prim) || radius === 0 ? 0.25 : Math.PI * radius * radius;
+    const factor = part * this.metersPerUnit ** 2;
     const light = {...brightness(emission(prim), factor), name: prim.name};
     if (cone >= FULL_CONE) {
       this.punctual({type: 'point', ...light}, index);

@@ -7,6 +7,7 @@ import {assetText} from './assets';
 import type {Glb, JsonObject} from './glb';
 import {isNumbers} from './layer';
 import type {Note} from './mesh';
+import {srgbToLinear} from './pixels';
 import type {Pixels} from './pixels';
 import type {StagePrim} from './stage';
 import {sourceOf, Textures} from './textures';
@@ -390,7 +391,6 @@ class Surface {
 
 const linearToSrgb = (v: number) =>
     v <= 0.0031308 ? v * 12.92 : 1.055 * Math.max(0, v) ** (1 / 2.4) - 0.055;
-const srgbToLinear = (v: number) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
 
 // A channel of a color, as glTF wants it: by sRGB's curve.
 function colorChannel(texture: Texture, pixels: Pixels, at: number, k: number): number {

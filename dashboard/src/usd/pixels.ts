@@ -16,6 +16,8 @@ export interface Pixels {
   data: Uint8Array;
 }
 
+export const srgbToLinear = (v: number) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+
 export type ImageKind = 'image/png'|'image/jpeg'|'image/webp';
 
 // By the first bytes; undefined: glTF has no such images.
