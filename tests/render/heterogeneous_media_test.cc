@@ -113,6 +113,42 @@ TEST(HeterogeneousMediaTest, V12WhiteFurnace) {
   }
 }
 
+// Hardly any light comes straight to places deep in a cloud: few shadow rays begin there, and the
+// mean stays that of the furnace.
+TEST(HeterogeneousMediaTest, FewShadowRaysBeginDeepInACloud) {
+  SmokeScene t;
+  t.ConstantEnvironment(Rgb::Gray(1));
+  std::vector<float> density = Lumps(20);
+  for (float& v : density) v = 1 + 0.1f * v;
+  t.Fill(0.9f, t.AddGrid(density, {}, Rgb::Gray(40)));
+  const FrameSettings settings = SquareSettings(16, DrawCount(64, 1024), 1 << 20);
+  const CompiledScenePtr compiled = Compile(t.scene, settings);
+  RenderStats stats;
+  ExpectMean(MeanOf(RenderAll(*compiled, &stats)), Rgb::Gray(1));
+  // Each vertex has a ray of the path; in thin media it has one or two shadow rays besides.
+  const uint64_t path_rays = stats.rays - stats.shadow_rays;
+  EXPECT_LT(static_cast<double>(stats.shadow_rays), 0.6 * static_cast<double>(path_rays));
+}
+
+// Flights through a grid are sampled before surfaces are looked for: a ball in the grid still ends
+// those that reach it, as in fog of the same density.
+TEST(HeterogeneousMediaTest, SurfacesInAGridEndFlights) {
+  for (const float sigma_s : {0.5f, 8.0f}) {
+    SmokeScene grid, fog;
+    for (SmokeScene* t : {&grid, &fog}) {
+      t->ConstantEnvironment({0.5f, 0.7f, 1});
+      t->AddShape(SphereShape{0.4f, -0.4f, 0.4f, 360}, t->Diffuse({0.1f, 0.2f, 0.3f}));
+    }
+    // Only a corner outside the box tells the grid from a constant one.
+    std::vector<float> density(40 * 40 * 40, 1.0f);
+    density[0] = 2;
+    grid.Fill(0.8f, grid.AddGrid(density, {}, Rgb::Gray(sigma_s)));
+    fog.Fill(0.8f, fog.AddFog({}, Rgb::Gray(sigma_s)));
+    const int samples = DrawCount(256, 2048);
+    ExpectEqual(Render(grid, samples), Render(fog, samples));
+  }
+}
+
 // Two media in the same place act as one with the sum of their coefficients; also if one is
 // homogeneous or one only absorbs.
 TEST(HeterogeneousMediaTest, OverlappingMediaAddUp) {

@@ -43,10 +43,15 @@ void AddLightSample(const Context<C>& c, const Vertex& vertex,
     }
   }
   if constexpr (C::kMedia) {
+    float kept = 1;
+    if constexpr (!Vertex::kIsSurface) {
+      kept = PlayShadowRoulette(c, vertex.point.p, *light, u, *path);
+      if (kept == 0) return;
+    }
     MediumState<C> media = path->media;
     if (!vertex.EnterSide(c, light->wi, *path, &media)) return;
     const Color transmittance =
-        ShadowTransmittance(c, vertex.point, *light, u, *path, std::move(media));
+        ShadowTransmittance(c, vertex.point, *light, u, *path, std::move(media)) * kept;
     f_cos = f_cos * transmittance;
     NoteLight(c, {vertex.point.p, vertex.light_hint}, *light, !transmittance.IsBlack(), f_cos);
     if (transmittance.IsBlack()) return;
@@ -128,6 +133,12 @@ void AddInfiniteLe(const Context<C>& c, PathState<C>* path) {
                                  path->from, path->ray.d, path->wavelengths)),
           path);
       return;
+    }
+    if constexpr (C::kHeterogeneous) {
+      // The last vertex may be one in a medium, which did not look for it.
+      if (path->from_n == Vec3f{}) {
+        path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(path->ray.d);
+      }
     }
     const EnvironmentValueOf<Color> value = c.scene.lights->template EvalEnvironment<C::kTraits>(
         path->from, path->from_n, path->ray.d, path->wavelengths, path->sky_place,

@@ -230,7 +230,10 @@ bool MediumVertex<C>::Scatter(const Context<C>& c, PathState<C>* path) const {
   path->ray.source = {};
   path->ray.contact = path->ray.lead = 0;
   path->ray.own_offset = {};
-  path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(sample.w);
+  // Few paths leave a cloud at once: AddInfiniteLe looks for the place of those that do.
+  if (!C::kHeterogeneous || !path->media.properties.is_heterogeneous) {
+    path->sky_place = c.scene.lights->template PrepareEnvironment<C::kTraits>(sample.w);
+  }
   // Remember the direction, and learn later what light came from there.
   if constexpr (C::kGuided) NoteDirection(c, *this, *path);
   return SurvivesRoulette(c, u[3], path);

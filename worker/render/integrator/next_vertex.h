@@ -16,6 +16,7 @@
 #include "worker/render/integrator/medium_vertex.h"
 #include "worker/render/integrator/ray_sight.h"
 #include "worker/render/integrator/surface_vertex.h"
+#include "worker/render/integrator/transmittance.h"
 #include "worker/render/integrator/volume_emission.h"
 
 namespace sheaf::render {
@@ -37,10 +38,11 @@ using Vertex = std::conditional_t<
 enum class SegmentEnd : uint8_t { kHit, kScattered, kTerminated };
 
 // Takes the path through its media up to `hit` (null: to its end, see FarClipOf), or to where they
-// scatter it: then sets *vertex. Adds the segment's emission and its line-sampled light.
+// scatter it: then sets *vertex. Adds the segment's emission and its line-sampled light. flight:
+// what is known of it before.
 template <typename C>
-SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState<C>* path,
-                               Vertex<C>* vertex) {
+SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, const Flight<C>& flight,
+                               PathState<C>* path, Vertex<C>* vertex) {
   using Color = typename C::Color;
   MediumState<C>& media = path->media;
   const double end = FarClipOf(c, *path);
@@ -55,7 +57,7 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   if constexpr (C::kSubsurface) {
     if (path->subsurface.has_arrived && hit != nullptr) return SegmentEnd::kHit;
   }
-  if (hit == nullptr && !is_clipped && media.properties.is_bounded) {
+  if (hit == nullptr && !is_clipped && media.properties.is_bounded && !flight.Scatters()) {
     ++c.counts.broken_nestings;
     return SegmentEnd::kTerminated;
   }
@@ -76,6 +78,10 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, PathState
   MediumScatterer scatterer;
   const DistanceSample<Color> distance_sample = [&] {
     if constexpr (C::kHeterogeneous) {
+      if (flight.is_known && (hit == nullptr || IsUneventful(flight))) {
+        scatterer = flight.scatterer;
+        return flight.sample;
+      }
       if (media.properties.is_heterogeneous) {
         return SampleDistanceHeterogeneous(
             c, path->ray, c.sampler.Get4(Slot(NextVertexIndex(*path), VertexSlot::kMedium)), length,
@@ -178,12 +184,16 @@ void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
   }
   ++c.counts.rays;
   RawHit hit;
+  [[maybe_unused]] StateIf<C::kMedia, Flight<C>> flight;
+  [[maybe_unused]] const float t_max = path->ray.t_max;
+  if constexpr (C::kHeterogeneous) flight = FlyAhead(c, path);
   bool hits = c.tracer.Intersect(path->ray, &hit);
+  if constexpr (C::kHeterogeneous) path->ray.t_max = t_max;
   if (path->ray.contact > 0) [[unlikely]]
     AdvanceToPlace(&path->ray, &hit);
   if constexpr (C::kRayKinds) hits = hits && static_cast<double>(hit.t) < FarClipOf(c, *path);
   if constexpr (C::kMedia) {
-    const SegmentEnd end = SampleMediumSegment(c, hits ? &hit : nullptr, path, vertex);
+    const SegmentEnd end = SampleMediumSegment(c, hits ? &hit : nullptr, flight, path, vertex);
     if (end == SegmentEnd::kTerminated) vertex->template emplace<Terminated>();
     if (end != SegmentEnd::kHit) return;
   }

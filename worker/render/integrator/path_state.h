@@ -185,7 +185,8 @@ struct PathState {
   bool specular = true;               // Light sampling cannot find what the ray hits.
   float pdf = 0;       // Density of the direction, per solid angle; unused if specular.
   Vec3f from, from_n;  // The last vertex, and its normal for light sampling.
-  EnvironmentMap::Place sky_place;  // Where the direction points, after the first scattering.
+  // Where the direction points, after the first scattering on a surface or in homogeneous media.
+  EnvironmentMap::Place sky_place;
   [[no_unique_address]] StateIf<C::kMedia, MediumState<C>> media;
   [[no_unique_address]] StateIf<C::kSubsurface, SubsurfaceState> subsurface;
   [[no_unique_address]] std::conditional_t<C::kOutputs, PathHistory, NoHistory> history;

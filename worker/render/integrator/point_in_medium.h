@@ -34,6 +34,10 @@ inline Vec3f KeepOnSide(const NearPlane& plane, Vec3f p) {
   return ToFloat(ToDouble(p) + ToDouble(plane.n) * (bound - distance));
 }
 
+// A point is near a surface ahead, whose rounding matters, up to this part of its coordinates and
+// of the distance. Grazing rays are near it for longer.
+inline constexpr double kSurfaceNearness = 0x1p-8;
+
 // The point at t (in lengths of ray.d) before the hit (null: none). *near: the surface that the ray
 // leaves; becomes that of the hit if the point is close to it.
 template <typename C>
@@ -42,13 +46,11 @@ Vec3f PointInMedium(const Context<C>& c, const Ray& ray, const RawHit* hit, doub
   Vec3f p = ToFloat(ToDouble(ray.o) + ToDouble(ray.d) * t);
   if (near->is_set) p = KeepOnSide(*near, p);
   if (hit == nullptr) return p;
-  // Rounding matters only next to a surface. Grazing rays are next to it for longer.
-  constexpr double kNearness = 0x1p-8;
   const double ahead = static_cast<double>(hit->t) - t;
   const Vec3f o = Abs(ray.o);
   const double size = static_cast<double>(std::max(o.x, std::max(o.y, o.z))) +
                       static_cast<double>(hit->t) * Length(ToDouble(ray.d));
-  if (ahead * Length(ToDouble(ray.d)) > kNearness * size) return p;
+  if (ahead * Length(ToDouble(ray.d)) > kSurfaceNearness * size) return p;
   const SurfacePoint point = MakeSurfacePoint<C::kTraits>(c.scene.geometry, ray, *hit);
   *near = {point.p, Dot(ray.d, point.ng) > 0 ? -point.ng : point.ng, true};
   if constexpr (C::kSubsurface) near->p_error = ErrorAlongNormal(point);

@@ -93,6 +93,17 @@ double HeterogeneousMedium::MeanDensity() const {
   return sum / (kPlacesAcross * kPlacesAcross * kPlacesAcross);
 }
 
+double HeterogeneousMedium::GuessDepth(Vec3d o, Vec3d d, double t_max, double sigma_t) const {
+  constexpr double kFreePaths = 4;
+  const double rate = sigma_t * static_cast<double>(majorants_.bounds().upper);
+  if (moves() || !(rate > 0)) return 0;
+  const double length = std::min(t_max, kFreePaths / rate);
+  const double sum = WithDensity(
+      index_from_render_.Point(o), index_from_render_.Vector(d), NoTime{},
+      [&](const auto& density) { return density(0.25 * length) + density(0.75 * length); });
+  return sigma_t * length * 0.5 * sum;
+}
+
 bool HeterogeneousMedium::ClipToBox(Vec3d o, Vec3d d, double* t0, double* t1) const {
   const Vec3d o_index = index_from_render_.Point(o), d_index = index_from_render_.Vector(d);
   const IndexBox& box = majorants_.box();

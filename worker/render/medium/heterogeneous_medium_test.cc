@@ -65,6 +65,23 @@ TEST(HeterogeneousMediumTest, DensityIsInMediumSpace) {
   EXPECT_EQ(medium->DensityAt({0, 0, 0}), 0);
 }
 
+// Where the density is linear the guess is the optical depth itself, up to four free paths at the
+// largest density.
+TEST(HeterogeneousMediumTest, GuessedDepthIsThatOfALinearDensity) {
+  const auto medium = HeterogeneousMedium::FromGrid(
+      "a", Wedge(), {.render_from_medium = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {}}});
+  ASSERT_TRUE(medium.ok());
+  const Vec3d o{0.2, 0.5, 0.5}, d{1, 0, 0};
+  const double there = medium->DensityAt(o + 0.05 * d);
+  for (const double t_max : {0.02, 0.1, 0.4}) {
+    const double mean = medium->DensityAt(o + 0.5 * t_max * d);
+    EXPECT_NEAR(medium->GuessDepth(o, d, t_max, 3), 3 * t_max * mean, 1e-6) << t_max;
+  }
+  // The largest density is 1.9.
+  EXPECT_NEAR(medium->GuessDepth(o, d, 10, 40 / 1.9), 40 / 1.9 * 0.1 * there, 1e-5);
+  EXPECT_EQ(medium->GuessDepth(o, d, 1, 0), 0);
+}
+
 TEST(HeterogeneousMediumTest, InvalidDensitiesAreRefused) {
   const std::vector<float> negative(8, -1.0f);
   const auto medium = HeterogeneousMedium::FromGrid(
