@@ -74,7 +74,8 @@ class PlanCommand : public Command {
     OpenedScene opened;
     if (const ExitCode code = OpenScene(arguments_, &opened); code != ExitCode::kOk) return code;
     SceneDescription& scene = opened.file.read.scene;
-    render::ResolveFileEmission(*opened.file.files, &scene);
+    VolumeReader reader;
+    render::ResolveFileEmission(*opened.file.files, &scene, &reader);
     const render::RenderPlan plan = render::MakeRenderPlan(scene, opened.settings);
     std::optional<render::PlanMeasurement> measurement;
     std::optional<render::TechniqueMeasurement> techniques;
@@ -106,9 +107,9 @@ class PlanCommand : public Command {
       measurement = *std::move(measured);
     }
     const render::MemoryEstimate memory = render::EstimateMemory(scene, *opened.file.files);
-    const std::vector<VolumeExtent> volumes = VolumeExtents(scene, *opened.file.files);
+    const std::vector<VolumeExtent> volumes = VolumeExtents(scene, *opened.file.files, &reader);
     if (!measure_) {  // Which compiles the scene.
-      absl::Status checked = CheckFiles(&scene, opened.settings, *opened.file.files);
+      absl::Status checked = CheckFiles(&scene, opened.settings, *opened.file.files, &reader);
       if (!checked.ok()) return ReportSceneError(checked);
     }
     if (json_) {
@@ -143,8 +144,8 @@ class PlanCommand : public Command {
  private:
   // Finds what a worker would refuse. Takes the scene, whose copy may be large.
   static absl::Status CheckFiles(SceneDescription* scene, const FrameSettings& settings,
-                                 FileSource& files) {
-    absl::Status checked = InputChecks().Check(*scene, files);
+                                 FileSource& files, VolumeReader* reader) {
+    absl::Status checked = InputChecks(reader).Check(*scene, files);
     if (checked.ok()) checked = render::CheckScene(std::move(*scene), settings, files);
     // Without its library no image can be read; this is not an error of the scene.
     return absl::IsFailedPrecondition(checked) ? absl::OkStatus() : checked;

@@ -16,7 +16,6 @@
 #include "common/image/image_io.h"
 #include "common/scene/named_as_in_scene.h"
 #include "common/volume/grid_names.h"
-#include "common/volume/volume_file.h"
 
 namespace sheaf::cli {
 namespace {
@@ -78,9 +77,9 @@ void NoteSharedName(const std::string& where, const NamedFile& named,
 }
 
 // Reads the grid only if that fails, or if the file is small.
-absl::Status CheckVolume(const std::string& where, const NamedFile& named,
-                         const std::string& path) {
-  const absl::StatusOr<std::vector<VolumeFileEntry>> entries = ListVolumeFile(named.file, path);
+absl::Status CheckVolume(const std::string& where, const NamedFile& named, const std::string& path,
+                         VolumeReader* volumes) {
+  const absl::StatusOr<std::vector<VolumeFileEntry>> entries = volumes->List(named.file, path);
   if (!entries.ok()) return entries.status();
   NoteSharedName(where, named, *entries);
   const auto entry = std::find_if(entries->begin(), entries->end(),
@@ -89,12 +88,15 @@ absl::Status CheckVolume(const std::string& where, const NamedFile& named,
   const uint64_t bytes = std::filesystem::file_size(path, error);
   const bool is_small = !error && bytes <= kWholeVolumeBytesMax;
   if (entry != entries->end() && entry->can_be_read && !is_small) return absl::OkStatus();
-  return ReadVolumeGrid(named.file, path, named.grid).status();
+  return volumes->Read(named.file, path, named.grid).status();
 }
 
 absl::Status ReadAsFarAsNeeded(const std::string& where, const NamedFile& named,
-                               const std::string& path) {
-  if (named.kind == NamedFile::Kind::kVolumeFile) return CheckVolume(where, named, path);
+                               const std::string& path, VolumeReader* volumes) {
+  if (named.kind == NamedFile::Kind::kVolumeFile) {
+    VolumeReader reader;
+    return CheckVolume(where, named, path, volumes != nullptr ? volumes : &reader);
+  }
   const bool is_light = named.kind == NamedFile::Kind::kLightFile;
   const absl::Status status =
       CheckImage(path, {.memory_bytes_max = std::numeric_limits<uint64_t>::max(),
@@ -124,8 +126,9 @@ absl::Status InputChecks::Check(const SceneDescription& scene, FileSource& files
     const bool is_light = named.kind == NamedFile::Kind::kLightFile;
     const std::string where =
         Printable(absl::StrCat(FormatLocation(scene, named.location), ": ", named.use));
-    const absl::Status status =
-        Once({*path, named.grid, is_light}, [&] { return ReadAsFarAsNeeded(where, named, *path); });
+    const absl::Status status = Once({*path, named.grid, is_light}, [&] {
+      return ReadAsFarAsNeeded(where, named, *path, volumes_);
+    });
     // Without its library (kFailedPrecondition) no image can be read; this is not an error of the
     // file.
     if (status.ok() || absl::IsFailedPrecondition(status)) continue;

@@ -15,6 +15,7 @@
 #include "common/base/mutex.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
+#include "common/volume/volume_file.h"
 
 namespace sheaf::cli {
 
@@ -24,9 +25,11 @@ inline constexpr uint64_t kWholePixelsMax = uint64_t{1} << 20;
 // Likewise, larger files of volumes.
 inline constexpr uint64_t kWholeVolumeBytesMax = uint64_t{16} << 20;
 
-// Thread safety: Check may be called concurrently; each file is read once.
+// Thread safety: without a VolumeReader, Check may be called concurrently; each file is read once.
 class InputChecks {
  public:
+  // volumes: reads the files of volumes, and outlives the object; null: they are closed afterwards.
+  explicit InputChecks(VolumeReader* volumes = nullptr) : volumes_(volumes) {}
   // Errors: kInvalidArgument for all files that cannot be read, one per line, each with the place
   // in the scene that names it and its use.
   absl::Status Check(const SceneDescription& scene, FileSource& files);
@@ -36,6 +39,7 @@ class InputChecks {
   using Use = std::tuple<std::string, std::string, bool>;
   absl::Status Once(const Use& use, const std::function<absl::Status()>& read);
 
+  VolumeReader* const volumes_;
   Mutex mutex_;
   std::map<Use, absl::Status> known_ ABSL_GUARDED_BY(mutex_);
 };

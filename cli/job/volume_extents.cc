@@ -12,7 +12,6 @@
 #include "absl/strings/str_format.h"
 #include "common/math/transform.h"
 #include "common/volume/page_maker.h"
-#include "common/volume/volume_file.h"
 
 namespace sheaf::cli {
 namespace {
@@ -43,7 +42,8 @@ void SetBox(const Matrix4& world_from_index, const IndexBox& box, VolumeExtent* 
 
 }  // namespace
 
-std::vector<VolumeExtent> VolumeExtents(const SceneDescription& scene, FileSource& files) {
+std::vector<VolumeExtent> VolumeExtents(const SceneDescription& scene, FileSource& files,
+                                        VolumeReader* volumes) {
   std::vector<VolumeExtent> extents;
   for (const MediumDescription& medium : scene.media) {
     const auto* volume = std::get_if<VolumeFileMedium>(&medium.kind);
@@ -51,7 +51,7 @@ std::vector<VolumeExtent> VolumeExtents(const SceneDescription& scene, FileSourc
     const absl::StatusOr<std::string> path = files.LocalPath(volume->file);
     if (!path.ok() || !IsReadForExtent(*path)) continue;
     const absl::StatusOr<VolumeGrid> grid =
-        ReadVolumeGrid(volume->file, *path, volume->density_grid);
+        volumes->Read(volume->file, *path, volume->density_grid);
     if (!grid.ok()) continue;
     VolumeExtent extent{medium.name, volume->file, volume->density_grid, {}, {}};
     SetBox(medium.world_from_medium * grid->medium_from_index(), grid->box(), &extent);

@@ -12,6 +12,7 @@
 #include "common/math/vec.h"
 #include "common/scene/file_source.h"
 #include "common/scene/scene_description.h"
+#include "common/volume/volume_file.h"
 
 namespace sheaf::cli {
 
@@ -27,7 +28,8 @@ struct VolumeExtent {
 
 // The densities of the media of files, in the order of the scene. Files that cannot be read are
 // left out: InputChecks says why.
-std::vector<VolumeExtent> VolumeExtents(const SceneDescription& scene, FileSource& files);
+std::vector<VolumeExtent> VolumeExtents(const SceneDescription& scene, FileSource& files,
+                                        VolumeReader* volumes);
 
 // A line for people.
 std::string FormatVolumeExtent(const VolumeExtent& extent);

@@ -38,7 +38,8 @@ TEST(VolumeExtentsTest, GridsAreWhereTheMediumIs) {
   TableFileSource files{{{"room.pbrt", scene_path}, {"smoke.nvdb", volume_path}}};
   const auto read = ReadScene("room.pbrt", files);
   ASSERT_TRUE(read.ok()) << read.status();
-  const std::vector<VolumeExtent> extents = VolumeExtents(read->scene, files);
+  VolumeReader reader;
+  const std::vector<VolumeExtent> extents = VolumeExtents(read->scene, files, &reader);
   ASSERT_EQ(extents.size(), 1u);
   EXPECT_EQ(extents[0].active_voxel_count, 8u * 2 * 2);
   // From voxel -3 to one past voxel 4, at half a unit each beside the writer's offset of .5, twice

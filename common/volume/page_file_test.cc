@@ -9,14 +9,17 @@
 #include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cstddef>
 #include <cstring>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <random>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "common/base/digest.h"
 #include "common/base/file.h"
 #include "common/volume/page_format.h"
 #include "common/volume/page_maker.h"
@@ -180,6 +183,50 @@ TEST_F(PageFileTest, IsAFunctionOfTheGrids) {
     ASSERT_TRUE(bytes.ok());
     if (first.empty()) first = *bytes;
     EXPECT_TRUE(*bytes == first);
+  }
+}
+
+// Sets the mean in the index of the only grid, and the index' digest.
+void SetMean(const std::string& path, float mean, float rest = 0) {
+  std::string bytes = *ReadWholeFile(path);
+  volume::PageTrailer trailer;
+  char* const end = bytes.data() + bytes.size() - sizeof(trailer);
+  std::memcpy(&trailer, end, sizeof(trailer));
+  char* const index = bytes.data() + trailer.index_offset_bytes;
+  volume::PageGridHead head;
+  std::memcpy(&head, index, sizeof(head));
+  head.mean = mean;
+  std::memcpy(index, &head, sizeof(head));
+  char* const region = index + sizeof(head) + head.root_tile_count * sizeof(volume::PageRootTile);
+  std::memcpy(region + offsetof(volume::PageRegion, mean_rest), &rest, sizeof(rest));
+  const std::string digest = Sha256Hex(std::string_view(index, trailer.index_bytes));
+  std::copy(digest.begin(), digest.end(), trailer.index_sha256.begin());
+  std::memcpy(end, &trailer, sizeof(trailer));
+  ASSERT_TRUE(WriteFileAtomically(path, bytes).ok());
+}
+
+TEST_F(PageFileTest, KeepsTheMeanOfTheGrid) {
+  for (const char* type : {"float", "Fp4", "Fp8", "Fp16", "FpN"}) {
+    const auto made = Make(NvdbFile({Cloud(type)}, NvdbCodec::kNone));
+    const auto image = ReadVolume();
+    ASSERT_TRUE(made.ok() && image.ok()) << made.status() << image.status();
+    const double mean = image->MeanValue();
+    EXPECT_GT(mean, 0.05);
+    const auto pages = std::make_shared<VolumePages>(made->image_bytes);
+    EXPECT_EQ(Read(pages)->MeanValue(), mean) << type;
+    EXPECT_EQ(pages->counts().pages_read, 0u);
+    // Earlier files have none, so that pages are read.
+    SetMean(page_path_, 0);
+    EXPECT_EQ(Read(pages)->MeanValue(), mean) << type;
+    EXPECT_GT(pages->counts().pages_read, 0u);
+  }
+  for (const float mean : {std::numeric_limits<float>::quiet_NaN(), -0.5f, 3.0f}) {
+    SetMean(page_path_, mean);
+    EXPECT_THAT(std::string(Read(nullptr).status().message()), HasSubstr("out of range"));
+  }
+  for (const float rest : {std::numeric_limits<float>::quiet_NaN(), 0.1f}) {
+    SetMean(page_path_, 0.25f, rest);
+    EXPECT_THAT(std::string(Read(nullptr).status().message()), HasSubstr("mean is not a number"));
   }
 }
 

@@ -53,7 +53,7 @@ struct PageGridHead {
   ValueRange values;
   uint32_t type;  // VolumeValueType.
   uint32_t root_tile_count, region_count, page_count;
-  uint32_t unused;
+  float mean;  // VolumeGrid::MeanValue, rounded; 0: not known, as in earlier files.
 };
 static_assert(sizeof(PageGridHead) == 424);
 
@@ -69,8 +69,8 @@ struct PageCell {
   uint32_t page;
 };
 struct PageRegion {
-  Index3 key;  // Origin >> kRegionLog2.
-  uint32_t unused;
+  Index3 key;       // Origin >> kRegionLog2.
+  float mean_rest;  // In the first region: VolumeGrid::MeanValue less the head's mean. Else 0.
   std::array<PageCell, kCells> cells;
 };
 static_assert(sizeof(PageRegion) == 4112);

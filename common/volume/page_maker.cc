@@ -18,8 +18,10 @@
 #include "common/volume/nvdb_file.h"
 #include "common/volume/page_file.h"
 #include "common/volume/page_writer.h"
+#include "common/volume/paged_grid.h"
 #include "common/volume/vdb_file.h"
 #include "common/volume/volume_file.h"
+#include "common/volume/volume_pages.h"
 
 namespace sheaf {
 namespace {
@@ -86,10 +88,31 @@ class PageFileMaker {
       return volume::GridPager<BuildT>(file_name_, limits_, &*info, &image, &writer_).Run();
     });
     if (!index.ok()) return index.status();
+    if (absl::Status status = FindMean(&*index); !status.ok()) return status;
     indices_.push_back(*std::move(index));
     summary_.grids.push_back(entry.name);
     summary_.image_bytes += image.size();
     return absl::OkStatus();
+  }
+
+  // The mean from the pages that are written already, as those who read the file would find it.
+  absl::Status FindMean(volume::PageIndex* index) const {
+    constexpr uint64_t kBytesMax = uint64_t{16} << 20;
+    auto file = volume::FileBytes::Open(file_name_, writer_.part_path());
+    if (!file.ok()) return file.status();
+    const auto pages = std::make_shared<volume::VolumePages>(kBytesMax);
+    auto paged = volume::PagedGrid::Make(
+        file_name_, std::make_shared<const volume::PartedBytes>(*std::move(file)), *index, limits_,
+        pages);
+    if (!paged.ok()) return paged.status();
+    const auto grid = VolumeGrid::FromPages(*std::move(paged), file_name_);
+    if (!grid.ok()) return grid.status();
+    if (!index->regions.empty()) {  // Otherwise it has no pages.
+      const double mean = grid->MeanValue();
+      index->head.mean = static_cast<float>(mean);
+      index->regions[0].mean_rest = static_cast<float>(mean - double{index->head.mean});
+    }
+    return pages->status();
   }
 
   absl::Status Finish() {

@@ -79,7 +79,7 @@ uint32_t PageTable::RegionAt(Index3 key, float value) {
   if (is_new) {
     PageRegion& region = index_.regions.emplace_back();
     region.key = key;
-    region.unused = 0;
+    region.mean_rest = 0;
     region.cells.fill({value, 0});
   }
   return at->second;

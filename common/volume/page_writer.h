@@ -31,6 +31,8 @@ class PageWriter {
   // Writes the index of all grids, and gives the file its name.
   absl::Status Finish(std::span<const PageIndex> grids);
   uint64_t bytes() const { return offset_; }
+  // The file until Finish. All pages that were added can be read.
+  const std::string& part_path() const { return part_path_; }
 
  private:
   PageWriter() = default;

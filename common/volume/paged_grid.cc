@@ -173,7 +173,7 @@ absl::Status PagedGrid::Check(const VolumeLimits& limits) const {
     return Damaged("its values are of an unknown type");
   }
   if (!std::isfinite(head.values.min) || !std::isfinite(head.values.max) ||
-      !IsValue(head.background)) {
+      !IsValue(head.background) || !(head.mean == 0 || IsValue(head.mean))) {
     return Damaged("a value is out of range");
   }
   for (size_t a = 0; a < 3; ++a) {
@@ -186,6 +186,10 @@ absl::Status PagedGrid::Check(const VolumeLimits& limits) const {
   if (region_of_.size() != index_.regions.size() ||
       root_value_of_.size() != index_.root_tiles.size()) {
     return Damaged("two parts have the same place");
+  }
+  if (!index_.regions.empty() &&
+      !(std::fabs(index_.regions[0].mean_rest) <= std::fabs(head.mean) * 0x1p-23f)) {
+    return Damaged("its mean is not a number");
   }
   for (const PageRootTile& tile : index_.root_tiles) {
     if (!IsValue(tile.value)) return Damaged("a value is out of range");

@@ -65,6 +65,11 @@ class PagedGrid : public PageReader {
   Matrix4 MediumFromIndex() const;
   VolumePages& pages() const { return *pages_; }
   float background() const { return index_.head.background; }
+  // See VolumeGrid::MeanValue; 0: not known.
+  double mean() const {
+    return index_.regions.empty() ? 0
+                                  : double{index_.head.mean} + double{index_.regions[0].mean_rest};
+  }
 
   // The region at that position, by its number; kNoRegion if there is none.
   static constexpr uint32_t kNoRegion = UINT32_MAX;

@@ -3,6 +3,7 @@
 #include "common/volume/volume_file.h"
 
 #include <cmath>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -12,7 +13,29 @@
 #include "common/volume/volume_surface.h"
 
 namespace sheaf {
+
+namespace volume {
+
+// A file that is open.
+class OpenVolume {
+ public:
+  static absl::StatusOr<std::unique_ptr<OpenVolume>> Open(const std::string& file_name,
+                                                          const std::string& local_path,
+                                                          const VolumeLimits& limits,
+                                                          PartedBytes::OpenPart open_part);
+  virtual ~OpenVolume() = default;
+
+  virtual std::vector<VolumeFileEntry> List() const = 0;
+  // Requires: a grid of a page file is read once.
+  virtual absl::StatusOr<VolumeGrid> Read(const std::string& grid_name, int thread_count,
+                                          std::shared_ptr<VolumePages> pages) = 0;
+};
+
+}  // namespace volume
+
 namespace {
+
+using volume::OpenVolume;
 
 constexpr uint64_t kNanovdbMagic = 0x304244566f6e614e;  // "NanoVDB0".
 
@@ -53,38 +76,94 @@ absl::StatusOr<std::vector<VolumeFileEntry>> ListVdb(volume::VdbFile& file) {
   return entries;
 }
 
-absl::StatusOr<VolumeGrid> ReadVdbGrid(const std::string& file_name, const OpenFile& open,
-                                       const std::string& grid_name, const VolumeLimits& limits,
-                                       int thread_count) {
-  const auto file = volume::VdbFile::Open(file_name, open.file, limits);
-  if (!file.ok()) return file.status();
-  const auto entries = ListVdb(**file);
-  if (!entries.ok()) return entries.status();
-  const auto index = Find(file_name, *entries, grid_name);
-  if (!index.ok()) return index.status();
-  auto image = (*file)->Read(*index);
-  if (!image.ok()) return image.status();
-  return VolumeGrid::FromImage(*std::move(image), file_name, limits, thread_count);
-}
-
-bool HasPages(volume::FileKind kind) {
-  return kind == volume::FileKind::kPages || kind == volume::FileKind::kPageParts;
-}
-
-absl::StatusOr<VolumeGrid> ReadPagedGrid(const std::string& file_name, OpenFile open,
-                                         const std::string& grid_name, const VolumeLimits& limits,
-                                         std::shared_ptr<volume::VolumePages> pages,
-                                         volume::PartedBytes::OpenPart open_part) {
-  auto page_file = volume::PageFile::Open(file_name, std::move(open.file), open.kind, limits,
-                                          std::move(open_part));
-  if (!page_file.ok()) return page_file.status();
-  const auto index = Find(file_name, page_file->List(), grid_name);
-  if (!index.ok()) return index.status();
-  if (pages == nullptr) {
-    pages = std::make_shared<volume::VolumePages>(volume::VolumePages::kBytesMaxDefault);
+class OpenVdb : public OpenVolume {
+ public:
+  static absl::StatusOr<std::unique_ptr<OpenVolume>> Make(const std::string& file_name,
+                                                          OpenFile open,
+                                                          const VolumeLimits& limits) {
+    std::unique_ptr<OpenVdb> made(new OpenVdb(file_name, std::move(open), limits));
+    auto file = volume::VdbFile::Open(file_name, made->open_.file, limits);
+    if (!file.ok()) return file.status();
+    auto entries = ListVdb(**file);
+    if (!entries.ok()) return entries.status();
+    made->file_ = *std::move(file);
+    made->entries_ = *std::move(entries);
+    return made;
   }
-  return page_file->Take(*index, limits, std::move(pages));
-}
+  std::vector<VolumeFileEntry> List() const override { return entries_; }
+  absl::StatusOr<VolumeGrid> Read(const std::string& grid_name, int thread_count,
+                                  std::shared_ptr<volume::VolumePages> /*pages*/) override {
+    const auto index = Find(file_name_, entries_, grid_name);
+    if (!index.ok()) return index.status();
+    auto image = file_->Read(*index);
+    if (!image.ok()) return image.status();
+    return VolumeGrid::FromImage(*std::move(image), file_name_, limits_, thread_count);
+  }
+
+ private:
+  OpenVdb(const std::string& file_name, OpenFile open, const VolumeLimits& limits)
+      : file_name_(file_name), limits_(limits), open_(std::move(open)) {}
+
+  const std::string file_name_;
+  const VolumeLimits limits_;
+  const OpenFile open_;
+  std::unique_ptr<volume::VdbFile> file_;
+  std::vector<VolumeFileEntry> entries_;
+};
+
+class OpenNvdb : public OpenVolume {
+ public:
+  static absl::StatusOr<std::unique_ptr<OpenVolume>> Make(const std::string& file_name,
+                                                          OpenFile open,
+                                                          const VolumeLimits& limits) {
+    auto entries = volume::ListNvdb(file_name, open.file, limits);
+    if (!entries.ok()) return entries.status();
+    return std::unique_ptr<OpenVolume>(
+        new OpenNvdb(file_name, std::move(open), limits, *std::move(entries)));
+  }
+  std::vector<VolumeFileEntry> List() const override { return {entries_.begin(), entries_.end()}; }
+  absl::StatusOr<VolumeGrid> Read(const std::string& grid_name, int thread_count,
+                                  std::shared_ptr<volume::VolumePages> /*pages*/) override {
+    const auto index = Find(file_name_, entries_, grid_name);
+    if (!index.ok()) return index.status();
+    return volume::ReadNvdbGrid(file_name_, open_.file, entries_[*index], limits_, thread_count);
+  }
+
+ private:
+  OpenNvdb(const std::string& file_name, OpenFile open, const VolumeLimits& limits,
+           std::vector<volume::NvdbEntry> entries)
+      : file_name_(file_name),
+        limits_(limits),
+        open_(std::move(open)),
+        entries_(std::move(entries)) {}
+
+  const std::string file_name_;
+  const VolumeLimits limits_;
+  const OpenFile open_;
+  const std::vector<volume::NvdbEntry> entries_;
+};
+
+class OpenPages : public OpenVolume {
+ public:
+  OpenPages(const std::string& file_name, const VolumeLimits& limits, volume::PageFile file)
+      : file_name_(file_name), limits_(limits), entries_(file.List()), file_(std::move(file)) {}
+  std::vector<VolumeFileEntry> List() const override { return entries_; }
+  absl::StatusOr<VolumeGrid> Read(const std::string& grid_name, int /*thread_count*/,
+                                  std::shared_ptr<volume::VolumePages> pages) override {
+    const auto index = Find(file_name_, entries_, grid_name);
+    if (!index.ok()) return index.status();
+    if (pages == nullptr) {
+      pages = std::make_shared<volume::VolumePages>(volume::VolumePages::kBytesMaxDefault);
+    }
+    return file_.Take(*index, limits_, std::move(pages));
+  }
+
+ private:
+  const std::string file_name_;
+  const VolumeLimits limits_;
+  const std::vector<VolumeFileEntry> entries_;
+  volume::PageFile file_;
+};
 
 // A surface that OpenVDB makes of an untrusted file is as untrusted.
 absl::Status CheckSurface(const std::string& file_name, const VolumeSurface& surface) {
@@ -146,23 +225,32 @@ absl::StatusOr<VolumeSurface> ReadVolumeSurface(const std::string& file_name,
   return surface;
 }
 
+absl::StatusOr<std::unique_ptr<volume::OpenVolume>> volume::OpenVolume::Open(
+    const std::string& file_name, const std::string& local_path, const VolumeLimits& limits,
+    volume::PartedBytes::OpenPart open_part) {
+  auto open = sheaf::Open(file_name, local_path);
+  if (!open.ok()) return open.status();
+  switch (open->kind) {
+    case volume::FileKind::kVdb:
+      return OpenVdb::Make(file_name, *std::move(open), limits);
+    case volume::FileKind::kNvdb:
+      return OpenNvdb::Make(file_name, *std::move(open), limits);
+    case volume::FileKind::kPages:
+    case volume::FileKind::kPageParts:
+      break;
+  }
+  auto file = volume::PageFile::Open(file_name, std::move(open->file), open->kind, limits,
+                                     std::move(open_part));
+  if (!file.ok()) return file.status();
+  return std::make_unique<OpenPages>(file_name, limits, *std::move(file));
+}
+
 absl::StatusOr<std::vector<VolumeFileEntry>> ListVolumeFile(const std::string& file_name,
                                                             const std::string& local_path,
                                                             const VolumeLimits& limits) {
-  auto open = Open(file_name, local_path);
-  if (!open.ok()) return open.status();
-  if (HasPages(open->kind)) {
-    const auto file = volume::PageFile::Open(file_name, std::move(open->file), open->kind, limits);
-    if (!file.ok()) return file.status();
-    return file->List();
-  }
-  if (open->kind == volume::FileKind::kVdb) {
-    const auto file = volume::VdbFile::Open(file_name, open->file, limits);
-    return file.ok() ? ListVdb(**file) : file.status();
-  }
-  const auto entries = volume::ListNvdb(file_name, open->file, limits);
-  if (!entries.ok()) return entries.status();
-  return std::vector<VolumeFileEntry>(entries->begin(), entries->end());
+  const auto file = OpenVolume::Open(file_name, local_path, limits, nullptr);
+  if (!file.ok()) return file.status();
+  return (*file)->List();
 }
 
 absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
@@ -171,19 +259,45 @@ absl::StatusOr<VolumeGrid> ReadVolumeGrid(const std::string& file_name,
                                           int thread_count,
                                           std::shared_ptr<volume::VolumePages> pages,
                                           volume::PartedBytes::OpenPart open_part) {
-  auto open = Open(file_name, local_path);
-  if (!open.ok()) return open.status();
-  if (HasPages(open->kind)) {
-    return ReadPagedGrid(file_name, *std::move(open), grid_name, limits, std::move(pages),
-                         std::move(open_part));
+  const auto file = OpenVolume::Open(file_name, local_path, limits, std::move(open_part));
+  if (!file.ok()) return file.status();
+  return (*file)->Read(grid_name, thread_count, std::move(pages));
+}
+
+VolumeReader::VolumeReader() = default;
+VolumeReader::~VolumeReader() = default;
+
+VolumeReader::Opened VolumeReader::Open(const std::string& file_name,
+                                        const std::string& local_path) {
+  const auto known = files_.find(local_path);
+  if (known != files_.end()) return known->second;
+  ++open_count_;
+  Opened opened = volume::OpenVolume::Open(file_name, local_path, {}, nullptr);
+  if (files_.size() < kKeptVolumesMax) files_.emplace(local_path, opened);
+  return opened;
+}
+
+absl::StatusOr<std::vector<VolumeFileEntry>> VolumeReader::List(const std::string& file_name,
+                                                                const std::string& local_path) {
+  const Opened file = Open(file_name, local_path);
+  if (!file.ok()) return file.status();
+  return (*file)->List();
+}
+
+absl::StatusOr<VolumeGrid> VolumeReader::Read(const std::string& file_name,
+                                              const std::string& local_path,
+                                              const std::string& grid_name) {
+  const std::pair key{local_path, grid_name};
+  const auto known = grids_.find(key);
+  if (known != grids_.end()) return known->second;
+  const Opened file = Open(file_name, local_path);
+  if (!file.ok()) return file.status();
+  auto grid = (*file)->Read(grid_name, 1, nullptr);
+  // A page file gives a grid once, and no more than its index, which it has in memory.
+  if (!grid.ok() || grid->is_paged() || grid->memory_bytes() <= kKeptGridBytesMax) {
+    grids_.emplace(key, grid);
   }
-  if (open->kind == volume::FileKind::kVdb)
-    return ReadVdbGrid(file_name, *open, grid_name, limits, thread_count);
-  const auto entries = volume::ListNvdb(file_name, open->file, limits);
-  if (!entries.ok()) return entries.status();
-  const auto index = Find(file_name, *entries, grid_name);
-  if (!index.ok()) return index.status();
-  return volume::ReadNvdbGrid(file_name, open->file, (*entries)[*index], limits, thread_count);
+  return grid;
 }
 
 }  // namespace sheaf

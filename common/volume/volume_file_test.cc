@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdint>
@@ -12,6 +13,9 @@
 #include <string>
 #include <vector>
 
+#include "common/base/file.h"
+#include "common/volume/page_maker.h"
+#include "tests/support/temporary_path.h"
 #include "tests/support/volume/volume_files.h"
 
 namespace sheaf {
@@ -23,6 +27,7 @@ using ::sheaf::testing::Lumps;
 using ::sheaf::testing::NvdbCodec;
 using ::sheaf::testing::NvdbFile;
 using ::sheaf::testing::Ramp;
+using ::sheaf::testing::TemporaryPath;
 using ::sheaf::testing::VdbFile;
 using ::sheaf::testing::VolumeFileTest;
 using ::sheaf::testing::Voxel;
@@ -48,8 +53,8 @@ TEST_F(VolumeFileTest, ReadsNvdbOfEveryCodec) {
 TEST_F(VolumeFileTest, GridsOfOneNameAreNumbered) {
   const auto one = [](const Voxel&) { return 1.0f; };
   const auto two = [](const Voxel&) { return 2.0f; };
-  const std::vector<GridToWrite> grids{{.value = one}, {.name = "heat", .value = one},
-                                       {.value = two}};
+  const std::vector<GridToWrite> grids{
+      {.value = one}, {.name = "heat", .value = one}, {.value = two}};
   for (const std::string& bytes : {NvdbFile(grids, NvdbCodec::kNone), VdbFile(grids, {})}) {
     const auto first = Read(bytes);
     ASSERT_TRUE(first.ok()) << first.status();
@@ -199,6 +204,51 @@ TEST_F(VolumeFileTest, DeclaredSizesAreCheckedAgainstTheFile) {
   const uint64_t claimed = uint64_t{8} << 30;
   std::memcpy(&bytes[16], &claimed, sizeof(claimed));
   EXPECT_THAT(Message(bytes), HasSubstr("cut short or damaged"));
+}
+
+class VolumeReaderTest : public ::testing::Test {
+ protected:
+  ~VolumeReaderTest() override {
+    ::unlink(path_.c_str());
+    ::unlink(page_path_.c_str());
+  }
+  const std::string path_ = TemporaryPath("volume"), page_path_ = TemporaryPath("pages");
+};
+
+TEST_F(VolumeReaderTest, OpensAFileOnce) {
+  GridToWrite cloud{.lo = {-8, -9, 3}, .hi = {9, 10, 20}, .value = Lumps}, heat = cloud;
+  heat.name = "temperature";
+  const std::string nvdb = NvdbFile({cloud, heat}, NvdbCodec::kNone);
+  ASSERT_TRUE(WriteFileAtomically(path_, nvdb).ok());
+  ASSERT_TRUE(MakePageFile("smoke.nvdb", path_, page_path_).ok());
+  for (const std::string& bytes : {nvdb, VdbFile({cloud, heat}, {}), *ReadWholeFile(page_path_)}) {
+    ASSERT_TRUE(WriteFileAtomically(path_, bytes).ok());
+    const auto expected = ReadVolumeGrid("smoke", path_, "temperature");
+    ASSERT_TRUE(expected.ok()) << expected.status();
+    VolumeReader reader;
+    ASSERT_TRUE(reader.List("smoke", path_).ok());
+    ::unlink(path_.c_str());  // The file that is open answers.
+    EXPECT_EQ(reader.List("smoke", path_)->size(), 2u);
+    for (int i = 0; i < 2; ++i) {
+      const auto grid = reader.Read("smoke", path_, "temperature");
+      ASSERT_TRUE(grid.ok()) << grid.status();
+      EXPECT_EQ(grid->info().active_voxel_count, expected->info().active_voxel_count);
+      EXPECT_EQ(grid->MeanValue(), expected->MeanValue());
+      EXPECT_TRUE(reader.Read("smoke", path_, "density").ok());
+      EXPECT_THAT(std::string(reader.Read("smoke", path_, "fog").status().message()),
+                  HasSubstr("smoke: no grid \"fog\"; there are: \"density\" ("));
+    }
+    EXPECT_EQ(reader.open_count(), 1u);
+  }
+}
+
+TEST_F(VolumeReaderTest, RemembersFilesThatCannotBeRead) {
+  VolumeReader reader;
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(reader.List("smoke", path_).status().code(), absl::StatusCode::kNotFound);
+    EXPECT_EQ(reader.Read("smoke", path_, "fog").status().code(), absl::StatusCode::kNotFound);
+  }
+  EXPECT_EQ(reader.open_count(), 1u);
 }
 
 }  // namespace

@@ -189,6 +189,29 @@ std::optional<ValueRange> VolumeGrid::BlockRange(Index3 origin) const {
   return pages_ == nullptr ? std::nullopt : pages_->BlockRange(origin);
 }
 
+double VolumeGrid::MeanValue() const {
+  if (pages_ != nullptr && pages_->mean() != 0) return pages_->mean();
+  constexpr int kPlacesAcross = 16;
+  const Vec3d size = box_.hi - box_.lo;
+  if (!(size.x > 0 && size.y > 0 && size.z > 0)) return 0;
+  const auto at = [&](size_t axis, int i) {
+    return box_.lo[axis] + (i + 0.5) / kPlacesAcross * size[axis];
+  };
+  Cursor cursor(*this);
+  double sum = 0;
+  for (int x = 0; x < kPlacesAcross; ++x) {
+    for (int y = 0; y < kPlacesAcross; ++y) {
+      for (int z = 0; z < kPlacesAcross; ++z) {
+        sum += static_cast<double>(At({at(0, x), at(1, y), at(2, z)}, &cursor));
+      }
+    }
+  }
+  // A page file has room for two floats.
+  const double mean = sum / (kPlacesAcross * kPlacesAcross * kPlacesAcross);
+  const auto rounded = static_cast<float>(mean);
+  return double{rounded} + double{static_cast<float>(mean - double{rounded})};
+}
+
 float VolumeGrid::PagedAt(Vec3d p_index, Cursor* cursor) const {
   return volume::WithScalarType(info_.type, [&]<typename BuildT>() {
     return volume::Sample<float>(volume::PagedAccessor<BuildT>(cursor->pins()), p_index);

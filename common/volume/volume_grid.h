@@ -147,6 +147,10 @@ class VolumeGrid {
   // Requires: is_vector().
   Vec3f VectorAt(Vec3d p_index, Cursor* cursor) const;
 
+  // The mean of At over 16^3 places that fill the box evenly. Page files keep it, so that no page
+  // is read. 0 if the box is empty. Requires: !is_vector().
+  double MeanValue() const;
+
   // OK if the grid can be a density.
   // Errors: kInvalidArgument if a value is negative, naming the least one, or if the grid is a grid
   // of vectors.

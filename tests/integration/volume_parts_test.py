@@ -32,6 +32,13 @@ Shape "trianglemesh"
   "integer indices" [0 2 1  0 3 2  4 5 6  4 6 7  0 1 5  0 5 4  3 7 6  3 6 2  0 4 7  0 7 3  1 2 6
                      1 6 5]
 """
+# Light scatters near where it enters, and a lamp is in front of the crop. Where to sample
+# lines beside it is decided by the mean of the grid.
+LAMP = (SCENE.replace('"integer maxdepth" 1', '"integer maxdepth" 2')
+        .replace('"infinite" "rgb L" [1 1 1]',
+                 '"point" "rgb I" [1 1 1] "point3 from" [-0.52 0.52 -1.02]')
+        .replace("[4 4 4]", "[60 60 60]").replace('"rgb sigma_s" [0 0 0]',
+                                                  '"rgb sigma_s" [20 20 20]'))
 PAGED = ("--page-volumes-from", "1M")
 WHOLE = ("--page-volumes-from", "999G")
 CROP = ("--crop", "28,28,36,36")
@@ -54,13 +61,13 @@ class VolumePartsTest(unittest.TestCase):
     def fetched(self):
         return self.farm.metrics().get('sheaf_content_bytes_total{source="coordinator"}', 0)
 
-    def render(self, name, *arguments):
-        job = self.farm.sheaf("submit", self.scene, *arguments).stdout.strip()
+    def render(self, name, *arguments, scene=None):
+        job = self.farm.sheaf("submit", scene or self.scene, *arguments).stdout.strip()
         self.farm.sheaf("watch", job, "-o", self.farm.path(name))
         return farm.image_digest(self.farm.path(name))
 
-    def local(self, *arguments):
-        farm.render(self.scene, self.farm.path("local.exr"), *WHOLE, *arguments)
+    def local(self, *arguments, scene=None):
+        farm.render(scene or self.scene, self.farm.path("local.exr"), *WHOLE, *arguments)
         return farm.image_digest(self.farm.path("local.exr"))
 
     def parts_bytes(self):
@@ -92,6 +99,22 @@ class VolumePartsTest(unittest.TestCase):
         self.assertGreater(metrics["sheaf_volume_resident_bytes"], 0)
         self.assertGreater(metrics["sheaf_volume_part_bytes_total"], total * 0.9)
         print(f"crop: {fetched / 2 ** 20:.1f} MiB of {total / 2 ** 20:.1f} MiB fetched")
+        f.kill(worker)
+
+    def test_a_lamp_reads_no_more(self):
+        f = self.farm
+        scene = f.path("lamp.pbrt")
+        with open(scene, "w", encoding="ascii") as text:
+            text.write(LAMP)
+        worker = f.start_worker(cache="lamp")
+        before = self.fetched()
+        cropped = self.render("lamp.exr", *PAGED, *CROP, scene=scene)
+        total = self.parts_bytes()
+        fetched = farm.wait_until(lambda: self.fetched() - before, SECONDS_MAX,
+                                  "the worker's report")
+        self.assertLess(fetched, total / 4)
+        self.assertEqual(cropped, self.local(*CROP, scene=scene))
+        print(f"lamp: {fetched / 2 ** 20:.1f} MiB of {total / 2 ** 20:.1f} MiB fetched")
         f.kill(worker)
 
     def test_kills_do_not_change_the_image(self):

@@ -77,6 +77,8 @@ uint64_t HeterogeneousMedium::memory_bytes() const {
 }
 
 double HeterogeneousMedium::MeanDensity() const {
+  const auto* grid = std::get_if<VolumeGrid>(&density_);
+  if (grid != nullptr && !moves()) return grid->MeanValue();
   constexpr int kPlacesAcross = 16;
   const Vec3d lo = majorants_.box().lo, size = majorants_.box().hi - lo;
   const auto at = [&](size_t axis, int i) {

@@ -125,7 +125,9 @@ TEST_F(PagedMediumTest, HasTheEventsOfTheImageInAnyMemory) {
     const auto pages = std::make_shared<VolumePages>(budget);
     const auto paged = HeterogeneousMedium::FromGrid("m", Paged(pages), placement);
     ASSERT_TRUE(paged.ok()) << paged.status();
+    const uint64_t pages_read = pages->counts().pages_read;
     EXPECT_EQ(paged->MeanDensity(), image->MeanDensity());
+    EXPECT_EQ(pages->counts().pages_read, pages_read);
     std::vector<std::vector<float>> events(kThreads);
     std::vector<std::thread> threads;
     for (uint32_t t = 0; t < kThreads; ++t) {
