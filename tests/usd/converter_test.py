@@ -8,6 +8,7 @@ Usage: converter_test.py SCRIPT, the converter that the build made.
 import json
 import math
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -28,6 +29,23 @@ QUAD = """
     int[] faceVertexIndices = [0, 1, 2, 3]
     point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
     uniform token subdivisionScheme = "none"
+"""
+# Tries what a converter must not do, and says what came of it.
+PROBE = """
+const fs = require('fs'), net = require('net'), child = require('child_process');
+const answer = {};
+const attempt = (name, action) => {
+  try { action(); answer[name] = 'done'; } catch (error) { answer[name] = error.code; }
+};
+const folder = require('path').dirname(process.argv[2]);
+attempt('read', () => fs.readFileSync('/etc/passwd'));
+attempt('write', () => fs.writeFileSync(folder + '/written', 'x'));
+attempt('list', () => fs.readdirSync(folder));
+answer.start = child.spawnSync('/bin/ls').error?.code ?? 'done';
+const socket = net.connect(80, '127.0.0.1');
+const end = (word) => { answer.connect = word; console.log(JSON.stringify(answer)); };
+socket.on('error', (error) => end(error.code));
+socket.on('connect', () => end('done'));
 """
 SURFACE = """
     def Material "%s"
@@ -423,6 +441,19 @@ def "C" (references = </A>) {}
             path = self.write("broken.usdc", data[:at] + b"\xff" + data[at + 1:])
             answer, _ = self.answer(path)
             self.assertTrue("error" in answer or "glb" in answer, at)
+
+    def test_the_process_is_confined(self):
+        path = self.write("scene.usda", "#usda 1.0")
+        program = os.path.join(farm.programs(), "sheaf-usd-reader")
+        done = subprocess.run([program, shutil.which("node"), os.path.realpath(path),
+                               str(1 << 31), "60"], input=PROBE, capture_output=True, text=True,
+                              timeout=60 * farm.PATIENCE, check=True)
+        answer = json.loads(done.stdout)
+        self.assertEqual((answer["list"], answer["connect"], answer["start"]),
+                         ("done", "EPERM", "EPERM"))
+        # Landlock, which some systems lack.
+        if answer["read"] != "done":
+            self.assertEqual((answer["read"], answer["write"]), ("EACCES", "EACCES"))
 
     def test_sheaf_renders_and_notes(self):
         path = self.write("scene.usda", f"""#usda 1.0
