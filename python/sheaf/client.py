@@ -22,7 +22,7 @@ from sheaf.job_changes import JobChanges
 from sheaf.jobs import (Frame, Job, JobEvent, JobState, RefinementPrice, Worker, event_from,
                         job_from, price_from, worker_from)
 from sheaf.programs import run_sheaf
-from sheaf.v1 import frame_pb2, job_pb2
+from sheaf.v1 import farm_pb2, frame_pb2, job_pb2, job_view_pb2
 
 WATCH_SECONDS_MAX = 24 * 3600.0  # For one call; a longer watch continues in the next.
 DOWNLOAD_SECONDS_MAX = 3600.0  # For one attempt.
@@ -292,29 +292,29 @@ class Client:
         return list(map(price_from, self._unary("PriceRefinement", request).prices))
 
     def list_workers(self) -> list[Worker]:
-        response = self._unary("ListWorkers", job_pb2.ListWorkersRequest())
+        response = self._unary("ListWorkers", farm_pb2.ListWorkersRequest())
         return list(map(worker_from, response.workers))
 
     def share_weights(self) -> dict[str, float]:
         """The weights that operators have set, by "user:NAME" or "show:NAME"; others are 1."""
-        response = self._unary("ListShares", job_pb2.ListSharesRequest())
+        response = self._unary("ListShares", farm_pb2.ListSharesRequest())
         return {share.subject: share.weight for share in response.shares if share.is_set}
 
     def drain(self, workers: Sequence[str], *, then_exit: bool = False) -> list[Worker]:
         """The workers finish their leases and get no new ones until undrain(). then_exit: they
         end after that. workers: names as in Worker.name.
         """
-        request = job_pb2.DrainWorkersRequest(names=list(workers), then_exit=then_exit)
+        request = farm_pb2.DrainWorkersRequest(names=list(workers), then_exit=then_exit)
         return list(map(worker_from, self._unary("DrainWorkers", request).workers))
 
     def undrain(self, workers: Sequence[str]) -> list[Worker]:
         """Undoes drain()."""
-        request = job_pb2.UndrainWorkersRequest(names=list(workers))
+        request = farm_pb2.UndrainWorkersRequest(names=list(workers))
         return list(map(worker_from, self._unary("UndrainWorkers", request).workers))
 
     def lift_quarantine(self, identity: str) -> None:
         """Ends the quarantine of an identity (Worker.identity)."""
-        self._unary("LiftQuarantine", job_pb2.LiftQuarantineRequest(identity=identity))
+        self._unary("LiftQuarantine", farm_pb2.LiftQuarantineRequest(identity=identity))
 
     def image(self, job: JobLike, frame: int | None = None) -> Image:
         """The image of a complete frame. frame: its number; may be omitted if there is one."""
@@ -361,9 +361,9 @@ class Client:
         return self._connection.call(
             lambda stub: getattr(stub, method)(request, timeout=UNARY_SECONDS_MAX))
 
-    def _open_watch(self, name: str, end: float | None) -> tuple[Any, job_pb2.Job | None]:
+    def _open_watch(self, name: str, end: float | None) -> tuple[Any, job_view_pb2.Job | None]:
         """A stream of the job, and its first message."""
-        def attempt(stub: Any) -> tuple[Any, job_pb2.Job | None]:
+        def attempt(stub: Any) -> tuple[Any, job_view_pb2.Job | None]:
             timeout = WATCH_SECONDS_MAX
             if end is not None:
                 timeout = min(timeout, max(0.001, end - time.monotonic()))
@@ -382,10 +382,10 @@ class Client:
             raise errors.WaitExpiredError(f"{name}: has not ended in time and continues; wait "
                                           "again, or cancel it")
 
-    def _next(self, messages: Any) -> job_pb2.Job | None:
+    def _next(self, messages: Any) -> job_view_pb2.Job | None:
         """None at the end of the stream, also if it was interrupted and may be reopened."""
         try:
-            message: job_pb2.Job | None = next(messages, None)
+            message: job_view_pb2.Job | None = next(messages, None)
             return message
         except grpc.RpcError as failure:
             if (transient_wait(failure) is None

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from sheaf.jobs import Frame, Job, frame_from, job_from
-from sheaf.v1 import job_pb2
+from sheaf.v1 import job_view_pb2
 
 
 class JobChanges:
@@ -14,9 +14,9 @@ class JobChanges:
 
     def __init__(self) -> None:
         self._frames: dict[int, Frame] = {}  # By number, in its order.
-        self._troubles: dict[int, job_pb2.FrameTrouble] = {}
+        self._troubles: dict[int, job_view_pb2.FrameTrouble] = {}
 
-    def add(self, message: job_pb2.Job) -> Job:
+    def add(self, message: job_view_pb2.Job) -> Job:
         """message: has all frames of the job, or those that have changed."""
         if not message.frames_are_changes:
             self._frames.clear()
@@ -30,8 +30,8 @@ class JobChanges:
             message = self._whole(message)
         return job_from(message, tuple(self._frames.values()))
 
-    def _whole(self, message: job_pb2.Job) -> job_pb2.Job:
-        whole = job_pb2.Job()
+    def _whole(self, message: job_view_pb2.Job) -> job_view_pb2.Job:
+        whole = job_view_pb2.Job()
         whole.CopyFrom(message)
         whole.frames_are_changes = False
         del whole.frames[:]

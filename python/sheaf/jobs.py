@@ -10,7 +10,7 @@ import datetime
 import enum
 from typing import Any
 
-from sheaf.v1 import frame_pb2, job_pb2
+from sheaf.v1 import farm_pb2, frame_pb2, job_pb2, job_view_pb2
 
 
 class JobState(enum.Enum):
@@ -115,7 +115,7 @@ class Job:
     waiting_reason: str
     warning: str
     owner: str
-    message: job_pb2.Job = dataclasses.field(repr=False, compare=False)
+    message: job_view_pb2.Job = dataclasses.field(repr=False, compare=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Worker:
     reason: str  # For its quarantine.
     lease_granted_count: int
     lease_cold_count: int  # Those of scenes that it had to load first.
-    message: job_pb2.Worker = dataclasses.field(repr=False, compare=False)
+    message: farm_pb2.Worker = dataclasses.field(repr=False, compare=False)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,7 +165,7 @@ class RefinementPrice:
     wall_seconds: Estimate
 
 
-def job_from(message: job_pb2.Job, frames: tuple[Frame, ...] | None = None) -> Job:
+def job_from(message: job_view_pb2.Job, frames: tuple[Frame, ...] | None = None) -> Job:
     """frames: those of the message, if they are known."""
     return Job(
         name=message.name, title=message.title, state=_enum(JobState, message.state, 0),
@@ -177,7 +177,7 @@ def job_from(message: job_pb2.Job, frames: tuple[Frame, ...] | None = None) -> J
         owner=message.owner, message=message)
 
 
-def worker_from(message: job_pb2.Worker) -> Worker:
+def worker_from(message: farm_pb2.Worker) -> Worker:
     return Worker(
         name=message.name, host=message.host, state=_enum(WorkerState, message.state, 0),
         thread_count=message.thread_count, lease_count=message.lease_count,
@@ -187,7 +187,7 @@ def worker_from(message: job_pb2.Worker) -> Worker:
         lease_cold_count=message.lease_cold_count, message=message)
 
 
-def event_from(message: job_pb2.JobEvent) -> JobEvent:
+def event_from(message: job_view_pb2.JobEvent) -> JobEvent:
     frame = message.frame_number if message.HasField("frame_number") else None
     return JobEvent(time=_time(message.time), what=message.what, who=message.who, frame=frame,
                     text=message.text)
@@ -239,7 +239,7 @@ def _round(message: frame_pb2.Round) -> Round:
         cpu_seconds=_seconds(message.cpu_duration), wall_seconds=_seconds(message.wall_duration))
 
 
-def _estimate(message: job_pb2.Estimate) -> Estimate:
+def _estimate(message: job_view_pb2.Estimate) -> Estimate:
     return Estimate(message.value, message.low, message.high)
 
 

@@ -73,9 +73,9 @@ class PackageTest(unittest.TestCase):
                                   "ListUsage", "ReadTaskBundle"})
 
     def test_states_are_those_of_the_messages(self):
-        from sheaf.v1 import frame_pb2, job_pb2
-        for kind, numbers in ((sheaf.JobState, job_pb2.Job.State),
-                              (sheaf.WorkerState, job_pb2.Worker.State),
+        from sheaf.v1 import farm_pb2, frame_pb2, job_view_pb2
+        for kind, numbers in ((sheaf.JobState, job_view_pb2.Job.State),
+                              (sheaf.WorkerState, farm_pb2.Worker.State),
                               (sheaf.StopReason, frame_pb2.StopReason)):
             names = {re.sub("^(STOP_REASON|STATE)_", "", n): v for n, v in numbers.items()}
             names.pop("UNSPECIFIED", None)
@@ -128,8 +128,8 @@ class PackageTest(unittest.TestCase):
 
     def test_a_failed_job_is_an_exception(self):
         from sheaf.jobs import job_from
-        from sheaf.v1 import job_pb2
-        failed = job_from(job_pb2.Job(name="jobs/3", state=job_pb2.Job.STATE_FAILED,
+        from sheaf.v1 import job_view_pb2
+        failed = job_from(job_view_pb2.Job(name="jobs/3", state=job_view_pb2.Job.STATE_FAILED,
                                       failure="room.pbrt:3:1: too large"))
         client = sheaf.Client(mock.Mock())
         with mock.patch.object(client, "watch", return_value=(job for job in [failed])):
@@ -139,15 +139,16 @@ class PackageTest(unittest.TestCase):
 
     def test_watches_get_the_frames_that_have_changed(self):
         from sheaf.job_changes import JobChanges
-        from sheaf.v1 import frame_pb2, job_pb2
+        from sheaf.v1 import frame_pb2, job_view_pb2
 
         def message(numbers, troubles, digest, changes=True):
-            job = job_pb2.Job(name="jobs/3", waiting_reason=digest, frames_are_changes=changes)
+            job = job_view_pb2.Job(name="jobs/3", waiting_reason=digest, frames_are_changes=changes)
             for number in numbers:
                 job.frames.append(frame_pb2.Frame(
                     spec=frame_pb2.FrameSpec(frame_number=number), image_digest=digest))
             for number in troubles:
-                job.troubles.append(job_pb2.FrameTrouble(frame_number=number, incomplete=digest))
+                job.troubles.append(
+                    job_view_pb2.FrameTrouble(frame_number=number, incomplete=digest))
             return job
 
         def state(job):
@@ -171,7 +172,7 @@ class PackageTest(unittest.TestCase):
         stub = mock.Mock()
         stub.WatchJob.return_value = mock.MagicMock(__next__=mock.Mock(side_effect=[
             message([1, 2], [], "a", changes=False), message([2], [], "b"),
-            job_pb2.Job(name="jobs/3", state=job_pb2.Job.STATE_SUCCEEDED)]))
+            job_view_pb2.Job(name="jobs/3", state=job_view_pb2.Job.STATE_SUCCEEDED)]))
         client = sheaf.Client(mock.Mock(call=lambda attempt, *_: attempt(stub)))
         jobs = list(client.watch(3))
         self.assertTrue(stub.WatchJob.call_args[0][0].changes_only)
@@ -180,8 +181,8 @@ class PackageTest(unittest.TestCase):
 
     def test_values_of_a_newer_coordinator(self):
         from sheaf.jobs import job_from
-        from sheaf.v1 import job_pb2
-        self.assertIs(job_from(job_pb2.Job(state=77)).state, sheaf.JobState.UNKNOWN)
+        from sheaf.v1 import job_view_pb2
+        self.assertIs(job_from(job_view_pb2.Job(state=77)).state, sheaf.JobState.UNKNOWN)
 
     def test_versions_of_the_protocol(self):
         from sheaf import protocol
