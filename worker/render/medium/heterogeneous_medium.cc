@@ -100,9 +100,7 @@ double HeterogeneousMedium::GuessDepth(Vec3d o, Vec3d d, double t_max, double si
   const double rate = sigma_t * static_cast<double>(majorants_.bounds().upper);
   if (moves() || !(rate > 0)) return 0;
   const double length = std::min(t_max, kFreePaths / rate);
-  const double sum = WithDensity(
-      index_from_render_.Point(o), index_from_render_.Vector(d), NoTime{},
-      [&](const auto& density) { return density(0.25 * length) + density(0.75 * length); });
+  const double sum = DensityAt(o + 0.25 * length * d) + DensityAt(o + 0.75 * length * d);
   return sigma_t * length * 0.5 * sum;
 }
 
