@@ -165,7 +165,8 @@ void Checks::CheckJobs(Farm& farm) {
       continue;
     }
     if (!promised->second.paused.MayBe(job.Paused()) && job.phase == JobPhase::kLive) {
-      world_.Broken(absl::StrCat("job ", id, " is paused otherwise than promised"));
+      world_.Broken(absl::StrCat("job ", id, job.Paused() ? " is paused, which was never promised"
+                                                          : " is not paused, as was promised"));
     }
     if (!promised->second.priority.MayBe(job.spec.priority)) {
       world_.Broken(absl::StrCat("job ", id, " has another priority than promised"));

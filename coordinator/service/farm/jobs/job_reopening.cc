@@ -27,6 +27,16 @@ void TakeOut(JobContext& context, uint64_t job_id)
   std::erase(context.tables.unsettled_jobs, job_id);
 }
 
+absl::Status StoreReopened(JobContext& context, uint64_t job_id, bool has_ended,
+                           const std::vector<JobStore::ReopenedFrame>& reopened) {
+  absl::Status written = absl::OkStatus();
+  // The end of a job ends its pause, but may not be stored yet, and is not once the job continues.
+  if (has_ended) written = context.store.ChangeJob(job_id, {.paused = false});
+  if (written.ok()) written = context.store.ReopenJob(job_id, reopened);
+  context.disk.Note(written);
+  return written;
+}
+
 }  // namespace
 
 std::string NameOfWork(std::optional<int32_t> frame, std::optional<uint32_t> task) {
@@ -71,9 +81,12 @@ absl::Status ReopenFrames(JobContext& context, StoredJob job,
   for (const JobStore::ReopenedFrame& frame : reopened) {
     undelivered.insert(frame.spec.frame_number);
   }
+  bool has_ended = false;
   {
     const MutexLock lock(&context.tables.mutex);
-    for (const FrameRecord& frame : context.tables.scheduler.jobs().at(job_id).frames) {
+    const JobRecord& record = context.tables.scheduler.jobs().at(job_id);
+    has_ended = record.phase != JobPhase::kLive;
+    for (const FrameRecord& frame : record.frames) {
       if (frame.phase != FrameRecord::Phase::kDelivered) undelivered.insert(frame.number());
     }
   }
@@ -88,8 +101,7 @@ absl::Status ReopenFrames(JobContext& context, StoredJob job,
   if (!troubles.ok()) return troubles.status();
   job.troubles = *std::move(troubles);
   ++context.reopen_count;
-  absl::Status written = context.store.ReopenJob(job_id, reopened);
-  context.disk.Note(written);
+  absl::Status written = StoreReopened(context, job_id, has_ended, reopened);
   if (!written.ok()) return written;
   const absl::StatusOr<JobStore::LoadedParts> parts = LoadPartsOf(context, job_id, false_parts);
   if (!parts.ok()) return parts.status();
