@@ -1,7 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// What a file of USD says, before composition. Both readers, of text and of crates, make layers.
+// A layer is the content of one file of USD, before composition. The readers of text and of crates
+// make layers.
 
 // Numbers of an array, tuples one after another: 3 points are 9 numbers.
 export type Numbers = number[]|Int32Array|Uint32Array|Float32Array|Float64Array;

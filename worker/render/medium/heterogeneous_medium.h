@@ -82,7 +82,7 @@ class HeterogeneousMedium {
       return TrackTransmittance(walk, density, sigma_t, stream, tally);
     });
   }
-  // A guess of the optical depth for sigma_t from o towards o + t_max d, by two lookups on its
+  // A guess of the optical depth for sigma_t from o towards o + t_max d, by two densities on its
   // first part: at most as far as four free paths at the largest density. 0 where the medium moves.
   double GuessDepth(Vec3d o, Vec3d d, double t_max, double sigma_t) const;
   // An unbiased estimate of the emission that arrives at o; see TrackEmission.
@@ -120,30 +120,26 @@ class HeterogeneousMedium {
     return Contains(grid.box(), origin) ? double{grid.At(origin, &cursor->density)} : 0;
   }
 
-  // Calls use(density), where density(t) is that at o + t d. Space: index.
-  template <typename Time, typename Use>
-  auto WithDensity(Vec3d o, Vec3d d, [[maybe_unused]] Time time, const Use& use) const {
+  template <typename Time, typename Track>
+  auto AlongRay(Vec3d o, Vec3d d, double t_max, [[maybe_unused]] Time time,
+                const Track& track) const {
+    const Vec3d o_index = index_from_render_.Point(o), d_index = index_from_render_.Vector(d);
+    MajorantWalk walk(majorants_, o_index, d_index, 0, t_max);
     if (const auto* cloud = std::get_if<CloudDensity>(&density_)) {
-      return use([&](double t) {
-        return cloud->At(cloud->index_offset() + (o + t * d) * cloud->voxel_size());
+      return track(&walk, [&](double t) {
+        return cloud->At(cloud->index_offset() + (o_index + t * d_index) * cloud->voxel_size());
       });
     }
     const auto& grid = *std::get_if<VolumeGrid>(&density_);
     if constexpr (std::is_same_v<Time, double>) {
       if (moves()) {
         MovingCursor cursor{VolumeGrid::Cursor(grid), motion_->MakeCursor()};
-        return use([&](double t) { return MovedDensityAt(o + t * d, time, &cursor); });
+        return track(
+            &walk, [&](double t) { return MovedDensityAt(o_index + t * d_index, time, &cursor); });
       }
     }
     VolumeGrid::Cursor cursor(grid);
-    return use([&](double t) { return double{grid.At(o + t * d, &cursor)}; });
-  }
-  template <typename Time, typename Track>
-  auto AlongRay(Vec3d o, Vec3d d, double t_max, Time time, const Track& track) const {
-    const Vec3d o_index = index_from_render_.Point(o), d_index = index_from_render_.Vector(d);
-    MajorantWalk walk(majorants_, o_index, d_index, 0, t_max);
-    return WithDensity(o_index, d_index, time,
-                       [&](const auto& density) { return track(&walk, density); });
+    return track(&walk, [&](double t) { return double{grid.At(o_index + t * d_index, &cursor)}; });
   }
 
   std::variant<std::monostate, VolumeGrid, CloudDensity> density_;
