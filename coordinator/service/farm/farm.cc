@@ -190,7 +190,6 @@ void Farm::RemoveFalseResults() {
     stale_fields = tables_.stale_fields;
   }
   if (liars.empty() && stale_fields.empty()) return;
-  lifecycle_.SettleEnded();  // Their quarantines are durable first.
   const ResultIntake::Pause pause(&intake_);
   for (const std::string& identity : liars) {
     const absl::Status removed = lifecycle_.RemoveResultsOf(identity);

@@ -260,7 +260,8 @@ absl::Status JobControl::LiftQuarantine(const std::string& identity) {
                        " are still being removed; trust it again when that is done"));
     }
   }
-  SaveNewQuarantines(context_);  // So that a pending one does not return.
+  // So that a pending one does not return.
+  if (absl::Status saved = SaveNewQuarantines(context_); !saved.ok()) return saved;
   absl::Status removed = context_.store.RemoveQuarantine(identity);
   context_.disk.Note(removed);
   if (!removed.ok()) return removed;

@@ -31,6 +31,9 @@ std::string FramesText(const std::set<int32_t>& numbers) {
 
 absl::Status JobCorrection::RemoveResultsOf(const std::string& identity) {
   const MutexLock settling(&context_.settle_mutex);
+  // A start continues a correction by this row. Without it a stop would leave some of the false
+  // parts, without the one that was found false, and their maker would be believed.
+  if (absl::Status saved = SaveNewQuarantines(context_); !saved.ok()) return saved;
   const PartKeys left = context_.removals.Left();
   absl::StatusOr<std::vector<PartRow>> rows = context_.store.FindPartsOf(identity);
   if (!rows.ok()) return rows.status();

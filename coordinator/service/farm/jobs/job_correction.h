@@ -21,10 +21,10 @@ class JobCorrection {
  public:
   JobCorrection(JobContext& context, JobEnds& ends) : context_(context), ends_(ends) {}
 
-  // Removes the stored results of an identity that made false ones; the frames that hold them are
-  // rendered again. Requires: no result is taken meanwhile. Errors: those of the store, and
-  // kUnavailable while the disk does not remove all of them. Call it again after an error; no frame
-  // is corrected twice.
+  // Removes the stored results of an identity that made false ones, once its quarantine is durable;
+  // the frames that hold them are rendered again. Requires: no result is taken meanwhile. Errors:
+  // those of the store, and kUnavailable while the disk does not remove all of them. Call it again
+  // after an error; no frame is corrected twice.
   absl::Status RemoveResultsOf(const std::string& identity);
   // Removes the parts of a frame whose guiding field was lost and trained to a different result;
   // they are rendered again. Requires and errors: as RemoveResultsOf.

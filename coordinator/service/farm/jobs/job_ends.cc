@@ -43,6 +43,15 @@ void SaveNewFailures(JobContext& context) ABSL_EXCLUSIVE_LOCKS_REQUIRED(context.
   }
 }
 
+bool HasUnsavedFailures(JobContext& context, uint64_t job_id)
+    ABSL_EXCLUSIVE_LOCKS_REQUIRED(context.tables.mutex) {
+  const auto is_of_job = [job_id](const auto& trouble) {
+    return trouble.first.frame.job_id == job_id;
+  };
+  return context.tables.unsaved_failures.contains(job_id) ||
+         std::ranges::any_of(context.tables.unsaved_troubles, is_of_job);
+}
+
 void EraseOpenFrames(JobContext& context, uint64_t job_id) {
   const MutexLock lock(&context.tables.mutex);
   context.tables.open_frames.erase(context.tables.open_frames.lower_bound({job_id, INT32_MIN}),
@@ -83,7 +92,8 @@ absl::Status SaveNewTroubles(JobContext& context) {
   return status;
 }
 
-void SaveNewQuarantines(JobContext& context) {
+absl::Status SaveNewQuarantines(JobContext& context) {
+  absl::Status refused;
   std::vector<QuarantineRecord> records;
   {
     const MutexLock lock(&context.tables.mutex);
@@ -93,9 +103,11 @@ void SaveNewQuarantines(JobContext& context) {
     const absl::Status status = context.store.WriteQuarantine(record);
     context.disk.Note(status);
     if (status.ok()) continue;
+    refused = status;
     const MutexLock lock(&context.tables.mutex);
     context.tables.unsaved_quarantines.push_back(std::move(record));
   }
+  return refused;
 }
 
 void JobEnds::NoteDelivered(const FrameId& id, const DeliveredFrame& delivered) {
@@ -130,11 +142,15 @@ void JobEnds::SettleEnded() {
   };
   const MutexLock settling(&context_.settle_mutex);
   SaveNewFailures(context_);  // Before the end, so that a failed job always has its reasons.
-  SaveNewQuarantines(context_);
+  SaveNewQuarantines(context_).IgnoreError();  // The disk's state is noted.
   std::vector<Ended> ended;
   {
     const MutexLock lock(&context_.tables.mutex);
     for (const uint64_t id : std::exchange(context_.tables.unsettled_jobs, {})) {
+      if (HasUnsavedFailures(context_, id)) {
+        context_.tables.unsettled_jobs.push_back(id);
+        continue;
+      }
       const JobRecord& job = context_.tables.scheduler.jobs().at(id);
       const absl::Time end_time = context_.tables.accounts.at(id).end_time;
       Ended entry{
@@ -182,7 +198,7 @@ void JobEnds::SettleEnded() {
 void JobEnds::SaveFailures() {
   const MutexLock settling(&context_.settle_mutex);
   SaveNewFailures(context_);
-  SaveNewQuarantines(context_);
+  SaveNewQuarantines(context_).IgnoreError();  // The disk's state is noted.
 }
 
 absl::Status JobEnds::SetWarning(uint64_t job_id, const std::string& text) {

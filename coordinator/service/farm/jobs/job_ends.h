@@ -40,7 +40,8 @@ class JobEnds {
 // Stores new failures of tasks. Errors: those of the store; the next call tries again.
 absl::Status SaveNewTroubles(JobContext& context)
     ABSL_EXCLUSIVE_LOCKS_REQUIRED(context.settle_mutex);
-// The same for quarantines, whose errors the state of the disk has.
-void SaveNewQuarantines(JobContext& context) ABSL_EXCLUSIVE_LOCKS_REQUIRED(context.settle_mutex);
+// The same for quarantines. OK: none is only in memory.
+absl::Status SaveNewQuarantines(JobContext& context)
+    ABSL_EXCLUSIVE_LOCKS_REQUIRED(context.settle_mutex);
 
 }  // namespace sheaf::coordinator

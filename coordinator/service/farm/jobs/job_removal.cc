@@ -98,6 +98,9 @@ absl::Status JobRemoval::RemoveUnused(uint64_t job_id) {
     context_.tables.scheduler.RemoveJob(job_id);
     context_.tables.accounts.erase(job_id);
     context_.tables.unsaved_failures.erase(job_id);
+    std::erase_if(context_.tables.unsaved_troubles, [job_id](const auto& trouble) {
+      return trouble.first.frame.job_id == job_id;
+    });
     std::erase_if(context_.tables.stale_fields,
                   [job_id](const FrameId& id) { return id.job_id == job_id; });
   }

@@ -68,6 +68,34 @@ TEST_F(FarmTest, AJobCanBeRefinedBeforeItsEndIsWritten) {
   EXPECT_EQ(view().progress.sample_count_done, 16u * 16u * 512u);
 }
 
+// The end of a failed job waits for its failures: a start would find a failed job without a reason.
+TEST_F(FarmTest, AFailedJobEndsWithItsFailures) {
+  StartWithoutThread();
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  const std::vector<LeaseGrant> grants = Lease("w");
+  ASSERT_EQ(grants.size(), 1u);
+  const auto stored = [&] {
+    const absl::StatusOr<std::vector<StoredJob>> jobs = store_->LoadJobs();
+    SHEAF_CHECK(jobs.ok());
+    return *std::ranges::find(*jobs, id, [](const StoredJob& job) { return job.spec.job_id; });
+  };
+  store_->refuses_failures_ = true;
+  {
+    const MutexLock lock(&farm_->tables().mutex);
+    farm_->tables().scheduler.Fail({grants[0].lease.lease_id, FailureKind::kScene, "no camera"},
+                                   "w", SteadyTime::Now());
+    farm_->tables().NoteEndedJobs();
+  }
+  farm_->RunOnce();
+  ASSERT_EQ(farm_->view().FindJob(absl::StrCat(id))->state, JobState::kFailed);
+  EXPECT_EQ(stored().phase, JobPhase::kLive);
+  store_->refuses_failures_ = false;
+  EXPECT_TRUE(farm_->CancelJob(MakeJob({}, 64)).ok());  // Writes all ends that are due.
+  EXPECT_EQ(stored().phase, JobPhase::kFailed);
+  EXPECT_EQ(stored().failures.count, 1u);
+}
+
 // A write that failed may be on disk all the same, and come back with the next start. The opposite
 // is therefore written, although nothing changes.
 TEST_F(FarmTest, ResumeIsWrittenAfterAPauseThatFailed) {

@@ -43,6 +43,7 @@ class GatedJobStore : public JobStore {
     return Full();
   }
   absl::Status WriteFailures(uint64_t job_id, const FailureLog& failures) override {
+    if (refuses_failures_) return Full();
     return store_->WriteFailures(job_id, failures);
   }
   absl::Status WriteTroubles(const std::vector<TaskTrouble>& troubles) override {
@@ -52,6 +53,7 @@ class GatedJobStore : public JobStore {
     return store_->LoadTroubles(job_id);
   }
   absl::Status WriteQuarantine(const QuarantineRecord& record) override {
+    if (refuses_quarantines_) return Full();
     return store_->WriteQuarantine(record);
   }
   absl::Status RemoveQuarantine(const std::string& identity) override {
@@ -182,6 +184,8 @@ class GatedJobStore : public JobStore {
   std::atomic<bool> refuses_rounds_ = false;  // Whether the disk reads no rounds.
   std::atomic<bool> refuses_ends_ = false;    // Whether the disk takes no ends of jobs.
   std::atomic<int> ends_refused_ = 0;
+  std::atomic<bool> refuses_failures_ = false;     // Whether the disk takes no failures of jobs.
+  std::atomic<bool> refuses_quarantines_ = false;  // Whether it takes no quarantines.
   std::atomic<int> control_writes_ = 0;  // Pauses and priorities, also those that failed.
 
  private:

@@ -150,6 +150,46 @@ TEST_F(FarmTest, AQuarantineIsLiftedAfterFalseResultsAreRemoved) {
   EXPECT_EQ(Lease("w").size(), 1u);
 }
 
+// The disk takes no quarantine: nothing of its maker is removed before it does. A stop in between
+// would leave false results and nothing that says so.
+TEST_F(FarmTest, FalseResultsStayUntilTheQuarantineIsDurable) {
+  StartWithoutThread();
+  store_->Open();
+  const uint64_t id = MakeJob({});
+  Finish(id);
+  const size_t count = store_->FindPartsOf("w")->size();
+  store_->refuses_quarantines_ = true;
+  Distrust("w");
+  farm_->RunOnce();
+  EXPECT_EQ(store_->FindPartsOf("w")->size(), count);
+  EXPECT_EQ(PartsRevoked(), 0u);
+  store_->refuses_quarantines_ = false;
+  EXPECT_TRUE(farm_->CancelJob(MakeJob({}, 64)).ok());  // The disk takes that.
+  farm_->RunOnce();
+  EXPECT_EQ(store_->FindPartsOf("w")->size(), 0u);
+  EXPECT_EQ(PartsRevoked(), count);
+}
+
+// A quarantine that is not stored yet is not lifted: stored later, it would return at the next
+// start.
+TEST_F(FarmTest, AQuarantineIsStoredBeforeItIsLifted) {
+  StartWithoutThread();
+  store_->Open();
+  MakeJob({});
+  store_->refuses_quarantines_ = true;
+  {
+    const MutexLock lock(&farm_->tables().mutex);
+    farm_->tables().scheduler.Quarantine("w", "it failed often", /*made_false_results=*/false);
+    farm_->tables().NoteEndedJobs();
+  }
+  EXPECT_EQ(farm_->LiftQuarantine("w").code(), absl::StatusCode::kResourceExhausted);
+  store_->refuses_quarantines_ = false;
+  EXPECT_TRUE(farm_->LiftQuarantine("w").ok());
+  StartWithoutThread();
+  store_->Open();
+  EXPECT_EQ(Lease("w").size(), 1u);
+}
+
 // The disk removes one of the false results and refuses the others: their frame is corrected at
 // once, and each result and the correction count once, however often the disk is asked again.
 TEST_F(FarmTest, ACorrectionThatTheDiskDelaysCountsOnce) {
