@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "absl/strings/str_cat.h"
+#include "absl/synchronization/mutex.h"
 #include "common/rpc/address.h"
 #include "common/rpc/address_list.h"
 #include "common/rpc/protocol_calls.h"
@@ -29,6 +30,10 @@ constexpr int kReconnectBackoffMaxMs = 2000;
 // process does not wait for, and which then uses what static destructors have freed. Source:
 // https://github.com/grpc/grpc/issues/23604.
 void HoldGrpc() { [[maybe_unused]] static const bool is_held = (grpc_init(), true); }
+
+// Builds of absl that check themselves, as Debian's, search for cycles at each lock of gRPC's
+// mutexes: a twentieth of a busy server's time. Their locks are not ours to judge.
+void KeepMutexesCheap() { absl::SetMutexDeadlockDetectionMode(absl::OnDeadlockCycle::kIgnore); }
 
 int Milliseconds(absl::Duration duration) {
   return static_cast<int>(absl::ToInt64Milliseconds(duration));
@@ -76,6 +81,9 @@ void SetDeadline(grpc::ClientContext* context, absl::Duration duration) {
 
 void ApplyServerLimits(grpc::ServerBuilder* builder) {
   HoldGrpc();
+  KeepMutexesCheap();
+  builder->SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::MAX_POLLERS,
+                               kIdleThreadsMax);
   builder->SetMaxReceiveMessageSize(kMessageBytesMax);
   builder->SetMaxSendMessageSize(kMessageBytesMax);
   builder->AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);

@@ -33,6 +33,9 @@ inline constexpr absl::Duration kKeepaliveTimeout = absl::Seconds(20);
 inline constexpr absl::Duration kHandshakeTimeout = kConnectTimeout;
 inline constexpr absl::Duration kIdleConnectionMax = absl::Minutes(10);
 inline constexpr int kCallsPerConnectionMax = 1000;
+// Threads of a server that wait for calls, at most. gRPC ends a thread after its call if there are
+// more, and 2 if nothing is said: it then starts a thread for most calls of a busy server.
+inline constexpr int kIdleThreadsMax = 64;
 // Includes connecting.
 inline constexpr absl::Duration kUnaryDeadline = absl::Seconds(60);
 // Limit of one attempt: an image of 400 MB on a link of 1 Mbit/s. Keepalive detects a peer that is
