@@ -32,9 +32,9 @@ absl::StatusOr<std::string> LoadOrMakeSecret(const std::string& directory) {
         absl::StrCat(path, ": other users may read or write the secret that proves leases; run ",
                      "chmod 600 on it, or remove it, and open leases are rendered again"));
   }
-  absl::StatusOr<std::string> secret = ReadWholeFile(path, kSecretBytes + 1);
-  if (secret.ok() && secret->size() == kSecretBytes) return secret;
-  if (!secret.ok() && !absl::IsResourceExhausted(secret.status())) return secret;
+  const absl::StatusOr<std::string> secret = ReadWholeFile(path, kSecretBytes + 1);
+  if (secret.ok() && secret->size() == kSecretBytes) return *secret;
+  if (!secret.ok() && !absl::IsResourceExhausted(secret.status())) return secret.status();
   return absl::FailedPreconditionError(
       absl::StrCat(path, ": not a secret of ", kSecretBytes,
                    " bytes; remove it, and open leases are rendered again"));
