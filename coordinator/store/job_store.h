@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -179,8 +180,15 @@ class JobStore {
   // Writes the bytes, then the row, and with it the job's account of the day. Errors:
   // kAlreadyExists if the key has a row.
   virtual absl::Status WritePart(const PartRow& row, const std::string& bytes) = 0;
-  // The same for a part whose bytes another process has stored with a ticket; writes them if they
-  // are not there.
+  // The same for several parts, which become durable together. Returns the status of each, in
+  // order. Requires: no two have one key.
+  struct NewPart {
+    const PartRow* row = nullptr;
+    const std::string* bytes = nullptr;
+  };
+  virtual std::vector<absl::Status> WriteParts(std::span<const NewPart> parts) = 0;
+  // The same as WritePart for a part whose bytes another process has stored with a ticket; writes
+  // them if they are not there.
   virtual absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) = 0;
   // The permission to store the bytes of a part that has no row; none if only this process can
   // store them.

@@ -28,6 +28,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -83,6 +84,7 @@ class SqlJobStore : public JobStore {
   absl::StatusOr<std::map<uint64_t, uint64_t>> PartsBytesByJob() override;
   absl::Status RemoveJob(uint64_t job_id) override;
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override;
+  std::vector<absl::Status> WriteParts(std::span<const NewPart> parts) override;
   absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) override;
   std::optional<PutTicket> TicketFor(const PartRow& row) override;
   absl::StatusOr<std::optional<PartRow>> FindPart(const PartKey& key) override;
@@ -112,16 +114,16 @@ class SqlJobStore : public JobStore {
   std::string PartPath(const PartRow& row) const;
 
  private:
-  // A part that waits for its group's commit: its file is written, but not durable.
-  struct PendingPart {
-    const PartRow* row = nullptr;
-    bool leads = false;  // It commits the next group.
+  // A call whose parts wait for their group's commit: their files are written, but not durable.
+  struct PendingCall {
+    std::vector<const PartRow*> rows;
+    std::vector<absl::Status> statuses;  // One for each row.
+    bool leads = false;                  // It commits the next group.
     bool finished = false;
-    absl::Status status;
     CondVar changed;
   };
-  // Reserves a part's name: equal parts are written one after the other, so that none replaces the
-  // durable object of another.
+  // Reserves the names of parts: equal parts are written one after the other, so that none replaces
+  // the durable object of another.
   class NameReservation;
 
   SqlJobStore(std::string directory, Durability durability, int lock_fd,
@@ -152,10 +154,12 @@ class SqlJobStore : public JobStore {
   absl::Status WriteObject(const PartRow& row, const std::string& bytes);
   // Called after a commit failed with this status.
   void RemoveUnlessAcknowledged(const PartRow& row, const absl::Status& failed);
-  // Returns when the group of the part is durable, or is not and will not be.
-  absl::Status CommitPart(const PartRow& row);
-  void CommitGroup(const std::vector<PendingPart*>& parts);
-  absl::Status CommitRows(const std::vector<PendingPart*>& parts);
+  // Returns when the group of the call is durable, or is not and will not be.
+  void CommitParts(PendingCall* mine);
+  // The calls that wait, as many as a group may have.
+  std::vector<PendingCall*> TakeGroup() ABSL_EXCLUSIVE_LOCKS_REQUIRED(pending_mutex_);
+  void CommitGroup(const std::vector<PendingCall*>& calls);
+  absl::Status CommitRows(const std::vector<PendingCall*>& calls);
   static std::string FolderOf(const FrameId& frame);  // Folder of its parts, ending in "/".
   static std::string NameOf(const PartRow& row);      // Name of its object.
 
@@ -168,7 +172,7 @@ class SqlJobStore : public JobStore {
   Mutex database_mutex_;
   std::unique_ptr<Database> database_ ABSL_GUARDED_BY(database_mutex_);
   Mutex pending_mutex_;
-  std::deque<PendingPart*> pending_ ABSL_GUARDED_BY(pending_mutex_);
+  std::deque<PendingCall*> pending_ ABSL_GUARDED_BY(pending_mutex_);
   bool committing_ ABSL_GUARDED_BY(pending_mutex_) = false;      // A call leads, or is about to.
   std::set<std::string> names_ ABSL_GUARDED_BY(pending_mutex_);  // Parts being written.
   CondVar name_released_;

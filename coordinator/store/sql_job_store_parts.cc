@@ -29,19 +29,24 @@ Usage UsageOfPart(const PartRow& row) {
 
 }  // namespace
 
+// Takes all names at once, so that no call waits for another one while it holds some.
 class SqlJobStore::NameReservation {
  public:
-  NameReservation(SqlJobStore* store, std::string name) : store_(*store), name_(std::move(name)) {
+  NameReservation(SqlJobStore* store, std::set<std::string> names)
+      : store_(*store), names_(std::move(names)) {
     const MutexLock lock(&store_.pending_mutex_);
     const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(store_.pending_mutex_) {
-      return !store_.names_.contains(name_);
+      return std::ranges::none_of(names_, [this](const std::string& name)
+                                              ABSL_EXCLUSIVE_LOCKS_REQUIRED(store_.pending_mutex_) {
+                                                return store_.names_.contains(name);
+                                              });
     };
     store_.name_released_.Wait(&store_.pending_mutex_, is_free);
-    store_.names_.insert(name_);
+    store_.names_.insert(names_.begin(), names_.end());
   }
   ~NameReservation() {
     const MutexLock lock(&store_.pending_mutex_);
-    store_.names_.erase(name_);
+    for (const std::string& name : names_) store_.names_.erase(name);
     store_.name_released_.NotifyAll();
   }
   NameReservation(const NameReservation&) = delete;
@@ -49,7 +54,7 @@ class SqlJobStore::NameReservation {
 
  private:
   SqlJobStore& store_;
-  const std::string name_;
+  const std::set<std::string> names_;
 };
 
 std::string SqlJobStore::FolderOf(const FrameId& frame) {
@@ -69,15 +74,34 @@ std::string SqlJobStore::PartPath(const PartRow& row) const {
 }
 
 absl::Status SqlJobStore::WritePart(const PartRow& row, const std::string& bytes) {
-  const NameReservation reservation(this, NameOf(row));
-  if (absl::Status written = WriteObject(row, bytes); !written.ok()) return written;
-  absl::Status status = CommitPart(row);
-  if (status.ok()) {
-    parts_bytes_ += bytes.size();
-  } else {
-    RemoveUnlessAcknowledged(row, status);
+  const NewPart part{&row, &bytes};
+  return WriteParts({&part, 1}).front();
+}
+
+std::vector<absl::Status> SqlJobStore::WriteParts(std::span<const NewPart> parts) {
+  std::set<std::string> names;
+  for (const NewPart& part : parts) names.insert(NameOf(*part.row));
+  const NameReservation reservation(this, std::move(names));
+  std::vector<absl::Status> statuses(parts.size());
+  PendingCall written;
+  std::vector<size_t> places;  // In parts, of the call's rows.
+  for (size_t i = 0; i < parts.size(); ++i) {
+    statuses[i] = WriteObject(*parts[i].row, *parts[i].bytes);
+    if (!statuses[i].ok()) continue;
+    written.rows.push_back(parts[i].row);
+    places.push_back(i);
   }
-  return status;
+  CommitParts(&written);
+  for (size_t i = 0; i < places.size(); ++i) {
+    const NewPart& part = parts[places[i]];
+    absl::Status& status = statuses[places[i]] = written.statuses[i];
+    if (status.ok()) {
+      parts_bytes_ += part.bytes->size();
+    } else {
+      RemoveUnlessAcknowledged(*part.row, status);
+    }
+  }
+  return statuses;
 }
 
 void SqlJobStore::RemoveUnlessAcknowledged(const PartRow& row, const absl::Status& failed) {
@@ -92,7 +116,7 @@ void SqlJobStore::RemoveUnlessAcknowledged(const PartRow& row, const absl::Statu
 }
 
 absl::Status SqlJobStore::AddStoredPart(const PartRow& row, const std::string& bytes) {
-  const NameReservation reservation(this, NameOf(row));
+  const NameReservation reservation(this, {NameOf(row)});
   const absl::StatusOr<std::optional<PartRow>> existing = FindPart(row.key);
   if (!existing.ok()) return existing.status();
   if (existing->has_value()) return absl::AlreadyExistsError("the part already exists");
@@ -100,7 +124,12 @@ absl::Status SqlJobStore::AddStoredPart(const PartRow& row, const std::string& b
   const absl::StatusOr<uint64_t> size_bytes = parts_->Head(NameOf(row));
   const bool is_there = size_bytes.ok() && *size_bytes == row.digest.size_bytes;
   absl::Status status = is_there ? absl::OkStatus() : WriteObject(row, bytes);
-  if (status.ok()) status = CommitPart(row);
+  PendingCall stored;
+  stored.rows.push_back(&row);
+  if (status.ok()) {
+    CommitParts(&stored);
+    status = stored.statuses.front();
+  }
   if (status.ok()) parts_bytes_ += bytes.size();
   return status;
 }
@@ -126,44 +155,55 @@ std::optional<PutTicket> SqlJobStore::TicketFor(const PartRow& row) {
 }
 
 // The first caller commits the parts of all waiting calls; calls that arrive meanwhile form the
-// next group, which the first of them commits. Each call waits only for its own part, so that the
+// next group, which the first of them commits. Each call waits only for its own parts, so that the
 // end of a group does not wake other calls.
-absl::Status SqlJobStore::CommitPart(const PartRow& row) {
-  PendingPart mine;
-  mine.row = &row;
+void SqlJobStore::CommitParts(PendingCall* mine) {
+  mine->statuses.resize(mine->rows.size());
+  if (mine->rows.empty()) return;
   MutexLock lock(&pending_mutex_);
-  pending_.push_back(&mine);
-  mine.leads = !std::exchange(committing_, true);
-  mine.changed.Wait(&pending_mutex_, [&mine] { return mine.finished || mine.leads; });
-  if (mine.finished) return mine.status;
-  const auto count = static_cast<int64_t>(std::min(pending_.size(), kGroupPartsMax));
-  const std::vector<PendingPart*> group(pending_.begin(), pending_.begin() + count);
-  pending_.erase(pending_.begin(), pending_.begin() + count);
+  pending_.push_back(mine);
+  mine->leads = !std::exchange(committing_, true);
+  mine->changed.Wait(&pending_mutex_, [mine] { return mine->finished || mine->leads; });
+  if (mine->finished) return;
+  const std::vector<PendingCall*> group = TakeGroup();
   lock.Unlock();
   CommitGroup(group);
   lock.Lock();
-  for (PendingPart* part : group) {
-    part->finished = true;
-    part->changed.NotifyOne();
+  for (PendingCall* call : group) {
+    call->finished = true;
+    call->changed.NotifyOne();
   }
   committing_ = !pending_.empty();
   if (committing_) {
     pending_.front()->leads = true;
     pending_.front()->changed.NotifyOne();
   }
-  return mine.status;
 }
 
-void SqlJobStore::CommitGroup(const std::vector<PendingPart*>& parts) {
+std::vector<SqlJobStore::PendingCall*> SqlJobStore::TakeGroup() {
+  std::vector<PendingCall*> group;
+  size_t part_count = 0;
+  while (!pending_.empty()) {
+    part_count += pending_.front()->rows.size();
+    if (!group.empty() && part_count > kGroupPartsMax) break;
+    group.push_back(pending_.front());
+    pending_.pop_front();
+  }
+  return group;
+}
+
+void SqlJobStore::CommitGroup(const std::vector<PendingCall*>& calls) {
   absl::Status shared = parts_->Sync();
-  if (shared.ok()) shared = CommitRows(parts);
+  if (shared.ok()) shared = CommitRows(calls);
   if (shared.ok()) return;
-  for (PendingPart* pending : parts) pending->status = shared;
+  for (PendingCall* call : calls) std::ranges::fill(call->statuses, shared);
 }
 
-absl::Status SqlJobStore::CommitRows(const std::vector<PendingPart*>& parts) {
+absl::Status SqlJobStore::CommitRows(const std::vector<PendingCall*>& calls) {
   std::vector<const PartRow*> of_parts;
-  for (const PendingPart* pending : parts) of_parts.push_back(pending->row);
+  for (const PendingCall* call : calls) {
+    of_parts.insert(of_parts.end(), call->rows.begin(), call->rows.end());
+  }
   std::vector<absl::Status> outcomes;
   const MutexLock lock(&database_mutex_);
   absl::Status status =
@@ -182,7 +222,11 @@ absl::Status SqlJobStore::CommitRows(const std::vector<PendingPart*>& parts) {
         }
         return absl::OkStatus();
       });
-  for (size_t i = 0; i < outcomes.size(); ++i) parts[i]->status = outcomes[i];
+  if (!status.ok()) return status;
+  auto outcome = outcomes.begin();
+  for (PendingCall* call : calls) {
+    for (absl::Status& told : call->statuses) told = *outcome++;
+  }
   return status;
 }
 

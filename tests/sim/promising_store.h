@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -127,6 +128,15 @@ class PromisingStore : public coordinator::JobStore {
     absl::Status status = store_->WritePart(row, bytes);
     if (!absl::IsAlreadyExists(status)) promises_.Written(row, Certain(status));
     return status;
+  }
+  std::vector<absl::Status> WriteParts(std::span<const NewPart> parts) override {
+    std::vector<absl::Status> statuses = store_->WriteParts(parts);
+    for (size_t i = 0; i < parts.size(); ++i) {
+      if (!absl::IsAlreadyExists(statuses[i])) {
+        promises_.Written(*parts[i].row, Certain(statuses[i]));
+      }
+    }
+    return statuses;
   }
   absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) override {
     absl::Status status = store_->AddStoredPart(row, bytes);

@@ -396,20 +396,26 @@ void SimWorker::Upload() {
 
 absl::StatusOr<std::vector<ResultOutcome>> SimWorker::AddResults(
     coordinator::Farm& farm, const std::vector<FinishedPart>& parts) {
-  std::vector<ResultOutcome> outcomes;
+  const bool was_liar = promises_.IsLiar(identity());
+  std::vector<coordinator::ResultReport> reports;
   for (const FinishedPart& part : parts) {
-    const bool was_liar = promises_.IsLiar(identity());
-    const absl::StatusOr<ResultOutcome> outcome =
-        farm.intake().Add(ToReport(id_, habits_.identity, part), part.exr_bytes);
-    world_.Trace(id_, " uploads the result of lease ", part.lease_id & 0xffffff, ": ",
-                 outcome.ok() ? absl::StrCat("outcome ", static_cast<int>(*outcome))
-                              : std::string(outcome.status().message()));
-    if (world_.machine.disk().stopped()) return absl::UnavailableError("no caller gets this");
-    if (!outcome.ok()) return outcome.status();
-    CheckOutcome(part, was_liar, *outcome);
-    outcomes.push_back(*outcome);
-    if (world_.faults.Happens(Fault::kUploadCut)) return absl::CancelledError("cut");
+    reports.push_back(ToReport(id_, habits_.identity, part));
+    if (world_.faults.Happens(Fault::kUploadCut)) break;
   }
+  std::vector<coordinator::ResultIntake::Arrived> arrived;
+  for (size_t i = 0; i < reports.size(); ++i) arrived.push_back({&reports[i], &parts[i].exr_bytes});
+  const auto taken = farm.intake().AddGroup(arrived);
+  if (world_.machine.disk().stopped()) return absl::UnavailableError("no caller gets this");
+  std::vector<ResultOutcome> outcomes;
+  for (size_t i = 0; i < taken.size(); ++i) {
+    world_.Trace(id_, " uploads the result of lease ", parts[i].lease_id & 0xffffff, ": ",
+                 taken[i].ok() ? absl::StrCat("outcome ", static_cast<int>(*taken[i]))
+                               : std::string(taken[i].status().message()));
+    if (!taken[i].ok()) return taken[i].status();
+    CheckOutcome(parts[i], was_liar, *taken[i]);
+    outcomes.push_back(*taken[i]);
+  }
+  if (taken.size() < parts.size()) return absl::CancelledError("cut");
   return outcomes;
 }
 

@@ -93,7 +93,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void NoteFalse(const worker::FinishedPart& part);
 
   void Upload();
-  // At the coordinator: takes parts one after the other, until one is refused.
+  // At the coordinator: takes the parts together, or the first ones of a call that is cut.
   absl::StatusOr<std::vector<coordinator::ResultOutcome>> AddResults(
       coordinator::Farm& farm, const std::vector<worker::FinishedPart>& parts);
   // The part as it renders it when its pixels come out false.

@@ -124,6 +124,62 @@ TEST_P(GroupsTest, EachCallOfALargeGroupHearsOfItsOwnPart) {
   EXPECT_EQ(store_->ListParts(1)->size(), 1 + kCalls / 6 + kCalls / 3);
 }
 
+// One call with several parts: each has its own status.
+TEST_P(GroupsTest, PartsOfOneCallAreStoredTogether) {
+  ASSERT_TRUE(store_->WritePart(RowOf("first"), "first").ok());
+  std::vector<std::string> bytes;
+  std::vector<PartRow> rows;
+  for (uint64_t i = 0; i < 40; ++i) {
+    bytes.push_back("part " + std::to_string(i));
+    rows.push_back(RowOf(bytes.back()));
+    rows.back().key.block.first = 16 * i;  // The first one meets the stored part.
+  }
+  std::vector<JobStore::NewPart> parts;
+  for (size_t i = 0; i < rows.size(); ++i) parts.push_back({&rows[i], &bytes[i]});
+  const std::vector<absl::Status> told = store_->WriteParts(parts);
+  ASSERT_EQ(told.size(), parts.size());
+  EXPECT_TRUE(absl::IsAlreadyExists(told[0])) << told[0];
+  EXPECT_FALSE(std::filesystem::exists(store_->PartPath(rows[0])));
+  uint64_t size_bytes = 5;
+  for (size_t i = 1; i < rows.size(); ++i) {
+    EXPECT_TRUE(told[i].ok()) << told[i];
+    EXPECT_EQ(*store_->ReadPart(rows[i]), bytes[i]);
+    size_bytes += bytes[i].size();
+  }
+  EXPECT_EQ(store_->PartsBytes(), size_bytes);
+  EXPECT_TRUE(store_->WriteParts({}).empty());
+}
+
+// Calls with the same parts in other orders wait for each other, and never in a circle.
+TEST_P(GroupsTest, CallsThatShareParts) {
+  constexpr size_t kParts = 6;
+  std::vector<std::string> bytes;
+  std::vector<PartRow> rows;
+  for (uint64_t i = 0; i < kParts; ++i) {
+    bytes.push_back("part " + std::to_string(i));
+    rows.push_back(RowOf(bytes.back()));
+    rows.back().key.block.first = 16 * i;
+  }
+  std::atomic<int> stored = 0, refused = 0;
+  std::vector<std::thread> threads;
+  for (size_t t = 0; t < 8; ++t) {
+    threads.emplace_back([&, t] {
+      std::vector<JobStore::NewPart> parts;
+      for (size_t i = 0; i < kParts; ++i) {
+        const size_t part = t % 2 == 0 ? (i + t) % kParts : kParts - 1 - i;
+        parts.push_back({&rows[part], &bytes[part]});
+      }
+      for (const absl::Status& status : store_->WriteParts(parts)) {
+        stored += status.ok() ? 1 : 0;
+        refused += absl::IsAlreadyExists(status) ? 1 : 0;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(stored, static_cast<int>(kParts));
+  EXPECT_EQ(refused, static_cast<int>(7 * kParts));
+}
+
 TEST_P(GroupsTest, AFailedWriteIsRefusedAndTheNextOnesAreNot) {
   const std::string folder = directory_ + "/parts/1";
   std::ofstream(folder) << "a file where the folder of the job should be";

@@ -2,26 +2,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "coordinator/service/farm/intake/result_intake.h"
 
-#include <memory>
 #include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "common/base/digest.h"
-#include "common/base/load_phases.h"
 #include "common/base/log.h"
 #include "common/film/exr/exr_codec.h"
 #include "coordinator/core/frame/part_check.h"
 
 namespace sheaf::coordinator {
 namespace {
-
-std::string KeyText(const ResultReport& r) {
-  return absl::StrCat("frame digest ", r.frame_digest.substr(0, 12), ", ",
-                      WorkText(r.kind, r.tile, r.block),
-                      r.cells.All() ? "" : absl::StrFormat(", cells %#x", r.cells.mask));
-}
 
 uint64_t NonfiniteCount(const FilmTile& part) {
   const float* plane = part.channel(FilmChannel::kNonFiniteCount);
@@ -54,57 +46,25 @@ std::string WhyNotPartOf(const ResultReport& report, const std::string& numeric_
 
 }  // namespace
 
-class ResultIntake::TileReservation {
- public:
-  TileReservation(ResultIntake* intake, TileName name) : intake_(*intake), name_(std::move(name)) {
-    const MutexLock lock(&intake_.mutex_);
-    const auto is_free = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
-      return intake_.pause_count_ == 0 && !intake_.reserved_.contains(name_);
-    };
-    intake_.released_.Wait(&intake_.mutex_, is_free);
-    intake_.reserved_.insert(name_);
-  }
-  ~TileReservation() {
-    {
-      const MutexLock lock(&intake_.mutex_);
-      intake_.reserved_.erase(name_);
-    }
-    intake_.released_.NotifyAll();
-  }
-  TileReservation(const TileReservation&) = delete;
-  TileReservation& operator=(const TileReservation&) = delete;
-
- private:
-  ResultIntake& intake_;
-  const TileName name_;
-};
-
-ResultIntake::Pause::Pause(ResultIntake* intake) : intake_(*intake) {
-  const MutexLock lock(&intake_.mutex_);
-  ++intake_.pause_count_;
-  const auto none_under_way = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(intake_.mutex_) {
-    return intake_.reserved_.empty();
-  };
-  intake_.released_.Wait(&intake_.mutex_, none_under_way);
+std::string ResultIntake::KeyText(const ResultReport& r) {
+  return absl::StrCat("frame digest ", r.frame_digest.substr(0, 12), ", ",
+                      WorkText(r.kind, r.tile, r.block),
+                      r.cells.All() ? "" : absl::StrFormat(", cells %#x", r.cells.mask));
 }
 
-ResultIntake::Pause::~Pause() {
-  {
-    const MutexLock lock(&intake_.mutex_);
-    --intake_.pause_count_;
-  }
-  intake_.released_.NotifyAll();
-}
-
-absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
-                                                const std::string& bytes) {
-  const PhaseTimer timer(LoadPhase::kResults);
+absl::Status ResultIntake::CheckArrived(const Arrived& result) {
+  const ResultReport& report = *result.report;
+  const std::string& bytes = *result.bytes;
   if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
   if (bytes.size() != report.digest.size_bytes || Sha256Hex(bytes) != report.digest.sha256_hex) {
     return Reject(report, "the bytes do not match their digest");
   }
-  const TileReservation reservation(
-      this, {report.frame_digest, report.kind, report.tile.y0, report.tile.x0});
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ResultIntake::Judged> ResultIntake::Judge(const Arrived& result) {
+  const ResultReport& report = *result.report;
+  const std::string& bytes = *result.bytes;
   // Checked again: the sender's results may have been removed while this one waited for its tile.
   if (absl::Status allowed = CheckSender(report); !allowed.ok()) return allowed;
   Scheduler::FoundTask found;
@@ -131,12 +91,26 @@ absl::StatusOr<ResultOutcome> ResultIntake::Add(const ResultReport& report,
     return ResultOutcome::kSuperseded;
   }
   if (found.kind == Kind::kCovered) return JudgeCovered(report, found);
-  if (report.kind == TaskKind::kTraining) return AddField(report, bytes, found);
+  if (report.kind == TaskKind::kTraining) {
+    if (absl::Status fits = CheckField(report, bytes, found); !fits.ok()) return fits;
+    return WantedOf(result, found, std::nullopt);
+  }
   absl::StatusOr<DecodedPart> part = DecodePart(bytes, report.tile.PixelCount());
   if (!part.ok()) return Reject(report, std::string(part.status().message()));
   const std::string why_not = WhyNotPartOf(report, numeric_profile, settings, *part);
   if (!why_not.empty()) return Reject(report, why_not);
-  return Store(report, bytes, found, std::move(part->tile));
+  return WantedOf(result, found, std::move(part->tile));
+}
+
+ResultIntake::Wanted ResultIntake::WantedOf(const Arrived& result,
+                                            const Scheduler::FoundTask& found,
+                                            std::optional<FilmTile> part) const {
+  const ResultReport& report = *result.report;
+  Wanted wanted{result, found, std::move(part), RowOf(report, found.frame)};
+  wanted.row.cost = {report.ray_count, wanted.part ? NonfiniteCount(*wanted.part) : 0,
+                     report.cpu_duration, report.digest.size_bytes};
+  wanted.row.sample_count = SamplesOf(found);
+  return wanted;
 }
 
 bool ResultIntake::HasField(const FrameId& id, const BlobDigest& digest) const {
@@ -164,24 +138,6 @@ absl::StatusOr<std::string> ResultIntake::ReadField(const FrameId& id, const Blo
   return none;
 }
 
-void ResultIntake::LoseField(const PartRow& field, const absl::Status& why) {
-  const PartKey& key = field.key;
-  std::string frame_digest;
-  {
-    const MutexLock lock(&tables_.mutex);
-    if (!HasField(key.frame, field.digest)) return;
-    frame_digest = tables_.scheduler.FindFrame(key.frame)->packed.frame_digest().Hex();
-  }
-  // No other field is taken meanwhile, and the frame is not corrected.
-  const TileReservation reservation(this, {frame_digest, key.kind, key.tile.y0, key.tile.x0});
-  {
-    const MutexLock lock(&tables_.mutex);
-    if (!HasField(key.frame, field.digest)) return;
-  }
-  tiles_.RevokePart(field, why);
-  signals_.Changed();
-}
-
 absl::Status ResultIntake::CheckSender(const ResultReport& report) {
   const LeasedWork work{report.lease_id, report.Sender(), report.frame_digest, report.tile,
                         report.block,    report.cells,    report.kind};
@@ -203,9 +159,8 @@ absl::Status ResultIntake::CheckSender(const ResultReport& report) {
   return absl::PermissionDeniedError(text);
 }
 
-absl::StatusOr<ResultOutcome> ResultIntake::AddField(const ResultReport& report,
-                                                     const std::string& bytes,
-                                                     const Scheduler::FoundTask& found) {
+absl::Status ResultIntake::CheckField(const ResultReport& report, const std::string& bytes,
+                                      const Scheduler::FoundTask& found) {
   if (bytes.empty() || bytes.size() > kGuidingFieldBytesMax) {
     return Reject(report, absl::StrCat("a guiding field has 1 to ", kGuidingFieldBytesMax,
                                        " bytes, not ", bytes.size()));
@@ -226,7 +181,7 @@ absl::StatusOr<ResultOutcome> ResultIntake::AddField(const ResultReport& report,
       return absl::UnavailableError(text);
     }
   }
-  return Store(report, bytes, found, std::nullopt);
+  return absl::OkStatus();
 }
 
 absl::Status ResultIntake::Reject(const ResultReport& report, const std::string& why,
@@ -309,79 +264,6 @@ void ResultIntake::Punish(const ResultReport& report, const PartRow& merged,
                           liar == merged.identity ? "; its result was merged" : ""));
     tables_.scheduler.Quarantine(liar, reason, /*made_false_results=*/true);
   }
-}
-
-absl::StatusOr<ResultOutcome> ResultIntake::Store(const ResultReport& report,
-                                                  const std::string& bytes,
-                                                  const Scheduler::FoundTask& found,
-                                                  std::optional<FilmTile> part) {
-  const ResultCost cost{report.ray_count, part ? NonfiniteCount(*part) : 0, report.cpu_duration,
-                        report.digest.size_bytes};
-  PartRow row = RowOf(report, found.frame);
-  row.cost = cost;
-  row.sample_count = SamplesOf(found);
-  absl::Status written = removals_.MakeRoom(row.key);
-  if (written.ok() && !report.is_stored) written = disk_.CheckRoom(bytes.size());
-  if (written.ok()) {
-    written = report.is_stored ? store_.AddStoredPart(row, bytes) : store_.WritePart(row, bytes);
-  }
-  disk_.Note(written);
-  if (!written.ok()) return written;
-  tables_.PrepareOpen(found.frame);
-  std::shared_ptr<OpenFrame> open;
-  bool tile_complete = false;
-  bool rendered = false;
-  const double draw =
-      choice_.DrawOf(report.frame_digest, report.tile, report.block, report.cells, report.kind);
-  {
-    const MutexLock lock(&tables_.mutex);
-    const Scheduler::FoundTask again = FindTask(report);
-    const bool wanted =
-        again.kind == Scheduler::FoundTask::Kind::kWanted && again.frame == found.frame;
-    if (wanted) {
-      open = tables_.Open(found.frame);
-      if (!part) tables_.scheduler.SetField(found.frame, report.digest);
-      rendered = tables_.scheduler.Accept(found.frame, found.task, report.lease_id,
-                                          report.worker_id, cost, SteadyTime::Now());
-      tables_.scheduler.ConsiderCheck(found.frame, found.task,
-                                      {report.Sender(), report.digest.sha256_hex}, draw);
-      tile_complete =
-          tables_.scheduler.FindFrame(found.frame)->tasks->TileComplete(found.task.tile);
-    } else {
-      ++tables_.scheduler.counters().results_superseded;
-    }
-  }
-  if (open == nullptr) {
-    // While it was written, its job ended, or a larger block that contains it was leased.
-    removals_.Remove({row});
-    store_.NoteUsage({found.frame.job_id},
-                     {.lost_count = 1, .lost_cpu_duration = report.cpu_duration});
-    return ResultOutcome::kSuperseded;
-  }
-  if (cost.nonfinite_count > 0) {
-    LogWarning(absl::StrCat(cost.nonfinite_count,
-                            report.kind == TaskKind::kLight ? " splats" : " samples",
-                            " were not finite in ", KeyText(report)));
-  }
-  if (part) {
-    Merge(open.get(), found.frame, found.task.tile, {*std::move(part), found.task.cells},
-          tile_complete);
-  }
-  if (rendered) {
-    queue_.Add(found.frame);
-    queue_.Wake();
-  }
-  signals_.Changed();
-  return ResultOutcome::kAccepted;
-}
-
-void ResultIntake::Merge(OpenFrame* frame, const FrameId& id, uint32_t tile, CellPart part,
-                         bool tile_complete) {
-  const MutexLock lock(&frame->mutex);
-  frame->merge.Insert(tile, std::move(part));
-  if (!tile_complete || !frame->merge.OnDisk(tile)) return;
-  const absl::Status status = tiles_.Rebuild(frame, id, tile);
-  if (!status.ok()) LogError(absl::StrCat("merging a tile from disk: ", status.message()));
 }
 
 Usage ResultIntake::UsageOfResult(const ResultReport& report, uint64_t sample_count) {

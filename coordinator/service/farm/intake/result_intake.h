@@ -8,9 +8,12 @@
 #include <cstdint>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <tuple>
 #include <utility>
+#include <variant>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
@@ -84,8 +87,15 @@ class ResultIntake {
   // quarantine), kInvalidArgument (not a part of its key), kResourceExhausted (disk full),
   // kUnavailable.
   absl::StatusOr<ResultOutcome> Add(const ResultReport& report, const std::string& bytes);
+  // The same for several results, one outcome for each, in order. Those that are wanted become
+  // durable together, except that results of one tile follow each other.
+  struct Arrived {
+    const ResultReport* report = nullptr;
+    const std::string* bytes = nullptr;
+  };
+  std::vector<absl::StatusOr<ResultOutcome>> AddGroup(std::span<const Arrived> results);
 
-  // These are in transfer/stored_results.cc. The permission to store the result's bytes; none if it
+  // These are in intake/stored_results.cc. The permission to store the result's bytes; none if it
   // is not wanted, or if only the coordinator can store it. Errors: kPermissionDenied, as Add.
   absl::StatusOr<std::optional<PutTicket>> TicketFor(const ResultReport& report);
   // Add for a result that the sender has stored. Errors: also kFailedPrecondition (the bytes are
@@ -103,9 +113,23 @@ class ResultIntake {
 
  private:
   using TileName = std::tuple<std::string, TaskKind, int32_t, int32_t>;  // Frame digest, y0, x0.
-  // Holds a tile's reservation: results of one tile are taken one at a time.
+  // Holds reservations of tiles: results of one tile are taken one at a time.
   class TileReservation;
+  // A result that has passed all checks; it is to be stored.
+  struct Wanted {
+    Arrived arrived;
+    Scheduler::FoundTask found;
+    std::optional<FilmTile> part;  // None for a training.
+    PartRow row;
+  };
+  using Judged = std::variant<ResultOutcome, Wanted>;
 
+  static TileName TileOf(const ResultReport& report) {
+    return {report.frame_digest, report.kind, report.tile.y0, report.tile.x0};
+  }
+  bool NoneReserved(const std::set<TileName>& names) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  // For people.
+  static std::string KeyText(const ResultReport& r);
   Scheduler::FoundTask FindTask(const ResultReport& report) const
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(tables_.mutex);
   // The row of a result for a frame, without its counts.
@@ -125,14 +149,22 @@ class ResultIntake {
   // counter: the counter to increment.
   absl::Status Reject(const ResultReport& report, const std::string& why,
                       uint64_t Counters::*counter = &Counters::results_invalid);
-  // Takes the bytes of a guiding field. Errors: kInvalidArgument; kUnavailable while parts made
+  // The checks before a result waits for its tile. Errors: those of Add.
+  absl::Status CheckArrived(const Arrived& result);
+  // Requires: its tile is reserved, here and below.
+  absl::StatusOr<Judged> Judge(const Arrived& result);
+  Wanted WantedOf(const Arrived& result, const Scheduler::FoundTask& found,
+                  std::optional<FilmTile> part) const;
+  // Checks the bytes of a guiding field. Errors: kInvalidArgument; kUnavailable while parts made
   // with another field remain.
-  absl::StatusOr<ResultOutcome> AddField(const ResultReport& report, const std::string& bytes,
-                                         const Scheduler::FoundTask& found);
-  // part: none for a training.
-  absl::StatusOr<ResultOutcome> Store(const ResultReport& report, const std::string& bytes,
-                                      const Scheduler::FoundTask& found,
-                                      std::optional<FilmTile> part);
+  absl::Status CheckField(const ResultReport& report, const std::string& bytes,
+                          const Scheduler::FoundTask& found);
+  // AddGroup for results of different tiles.
+  std::vector<absl::StatusOr<ResultOutcome>> AddTiles(std::span<const Arrived> results);
+  // Stores results, file and row. Returns one status for each.
+  std::vector<absl::Status> Write(const std::vector<Wanted>& results);
+  // Tells the scheduler of a stored result, and merges it.
+  ResultOutcome Take(Wanted* result);
   // Returns a field to be trained again. A no-op if the frame no longer has it.
   void LoseField(const PartRow& field, const absl::Status& why);
   // Whether the frame is trained, with this field.

@@ -9,6 +9,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -113,6 +114,11 @@ class GatedJobStore : public JobStore {
   absl::Status WritePart(const PartRow& row, const std::string& bytes) override {
     if (holds_parts_) PassTheGate();
     return full_ ? Full() : store_->WritePart(row, bytes);
+  }
+  std::vector<absl::Status> WriteParts(std::span<const NewPart> parts) override {
+    if (holds_parts_) PassTheGate();
+    if (full_) return std::vector<absl::Status>(parts.size(), Full());
+    return store_->WriteParts(parts);
   }
   absl::Status AddStoredPart(const PartRow& row, const std::string& bytes) override {
     if (holds_parts_) PassTheGate();
