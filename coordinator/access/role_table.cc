@@ -72,6 +72,7 @@ constexpr OperationRule kRules[] = {
 
     {"/sheaf.v1.WorkerService/Synchronize", kWork},
     {"/sheaf.v1.WorkerService/UploadResults", kWork},
+    {"/sheaf.v1.WorkerService/DeliverResults", kWork},
     {"/sheaf.v1.WorkerService/PlanUploads", kWork},
     {"/sheaf.v1.WorkerService/ReadGuidingField", kWork},
 

@@ -9,6 +9,10 @@
 //
 //   connections_bench DIRECTORY [WORKERS...]   a new folder on the disk to measure; 100 1000 10000
 //                                              workers unless said otherwise
+//                                              SHEAF_BENCH_LEASES=N: leases that a worker holds,
+//                                              and delivers, at once; 2 otherwise
+//                                              SHEAF_BENCH_APART=1: a call for each result and one
+//                                              for the leases, as workers of older versions do
 #include <signal.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
@@ -48,11 +52,11 @@ namespace {
 
 // Threads that make the load; each has one certificate and its share of the workers.
 constexpr int kThreads = 8;
-constexpr int kFrames = 2;
+constexpr int kFrames = 3;
 constexpr int kEdgePx = 768;
 constexpr int kTileEdgePx = 8;  // A part of about 24 KB.
 constexpr uint64_t kSamples = 16;
-constexpr int kLeasesAhead = 2;
+constexpr int kLeases = 2;
 constexpr absl::Duration kMeasured = absl::Seconds(15);
 constexpr absl::Duration kStartMax = absl::Seconds(60);
 constexpr absl::Duration kServed = absl::Minutes(10);  // Then a coordinator ends by itself.
@@ -279,26 +283,60 @@ struct Connected {
   std::unique_ptr<SyntheticWorker> worker;
 };
 
-// Each worker in turn asks for leases and delivers their results, until the end or without work.
+int LeasesAtOnce() {
+  const char* const leases = std::getenv("SHEAF_BENCH_LEASES");
+  return leases == nullptr ? kLeases : std::atoi(leases);
+}
+
+constexpr auto kAccepted = v1::UploadResultsResponse::OUTCOME_ACCEPTED;
+
+// Asks for leases and delivers their results, each by a call. Returns whether there were leases.
+bool DeliverApart(const Connected& one, const Parts& parts, Measured* measured) {
+  const absl::Time asked = absl::Now();
+  if (!one.worker->Synchronize(LeasesAtOnce()).ok()) return true;
+  measured->synchronize_ms.push_back(MillisecondsOf(asked));
+  for (const v1::Lease& lease : one.worker->leases()) {
+    const SyntheticWorker::Upload upload = parts.ResultOf(lease, one.id);
+    const absl::Time sent = absl::Now();
+    const auto outcome = one.worker->Send(upload);
+    if (!outcome.ok() || *outcome != kAccepted) continue;
+    measured->upload_ms.push_back(MillisecondsOf(sent));
+    ++measured->results;
+  }
+  return !one.worker->leases().empty();
+}
+
+// Delivers the results of its leases and gets the next ones by one call. Without leases it asks for
+// some first. Returns whether there are leases.
+bool DeliverTogether(const Connected& one, const Parts& parts, Measured* measured) {
+  if (one.worker->leases().empty()) {
+    const absl::Time asked = absl::Now();
+    if (!one.worker->Synchronize(LeasesAtOnce()).ok()) return true;
+    measured->synchronize_ms.push_back(MillisecondsOf(asked));
+  }
+  std::vector<SyntheticWorker::Upload> uploads;
+  for (const v1::Lease& lease : one.worker->leases()) {
+    uploads.push_back(parts.ResultOf(lease, one.id));
+  }
+  if (uploads.empty()) return false;
+  const absl::Time sent = absl::Now();
+  const auto outcomes = one.worker->Deliver(uploads, LeasesAtOnce());
+  if (!outcomes.ok()) return true;
+  measured->upload_ms.push_back(MillisecondsOf(sent));
+  for (const auto outcome : *outcomes) measured->results += outcome == kAccepted ? 1 : 0;
+  return !one.worker->leases().empty();
+}
+
+// Each worker in turn, until the end or without work.
 Measured Deliver(const std::vector<Connected>& workers, const Parts& parts, absl::Time end) {
+  const bool apart = std::getenv("SHEAF_BENCH_APART") != nullptr;
   Measured measured;
   bool found = true;
   while (found && absl::Now() < end) {
     found = false;
     for (const Connected& one : workers) {
       if (absl::Now() >= end) break;
-      const absl::Time asked = absl::Now();
-      if (!one.worker->Synchronize(kLeasesAhead).ok()) continue;
-      measured.synchronize_ms.push_back(MillisecondsOf(asked));
-      for (const v1::Lease& lease : one.worker->leases()) {
-        found = true;
-        const SyntheticWorker::Upload upload = parts.ResultOf(lease, one.id);
-        const absl::Time sent = absl::Now();
-        const auto outcome = one.worker->Send(upload);
-        if (!outcome.ok() || *outcome != v1::UploadResultsResponse::OUTCOME_ACCEPTED) continue;
-        measured.upload_ms.push_back(MillisecondsOf(sent));
-        ++measured.results;
-      }
+      found |= apart ? DeliverApart(one, parts, &measured) : DeliverTogether(one, parts, &measured);
     }
   }
   return measured;

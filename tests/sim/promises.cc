@@ -79,6 +79,7 @@ void Promises::Delivered(const FrameId& frame, const std::string& digest, bool c
 }
 
 void Promises::Written(const PartRow& row, bool certain) {
+  if (certain) stored_.insert(row.digest.sha256_hex);
   PromisedPart& part = parts_[row.key.frame][NameOf(row.key)];
   if (part.certain && !certain) return;  // It was there.
   part = {row, certain};
@@ -274,15 +275,6 @@ void Promises::CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedPa
 void Promises::CheckLog(int64_t lost_commits) const {
   if (lost_commits == 0) return;
   broken_(absl::StrCat("the log of the database lost ", lost_commits, " commits"));
-}
-
-bool Promises::HasPart(const std::string& sha256_hex) const {
-  for (const auto& [frame, parts] : parts_) {
-    for (const auto& [name, part] : parts) {
-      if (part.certain && part.row.digest.sha256_hex == sha256_hex) return true;
-    }
-  }
-  return false;
 }
 
 uint64_t Promises::PartsBytes() const {

@@ -72,8 +72,10 @@ class Promises {
   void CheckParts(uint64_t job_id, const coordinator::JobStore::LoadedParts& parts);
   void CheckQuarantines(const std::vector<coordinator::QuarantineRecord>& records);
 
-  // Whether a part of these bytes is durable.
-  bool HasPart(const std::string& sha256_hex) const;
+  // A call begins that stores parts; and whether a part of these bytes became durable in it. A job
+  // that ends meanwhile may have removed the part by the end of the call.
+  void BeginStoring() { stored_.clear(); }
+  bool HasStored(const std::string& sha256_hex) const { return stored_.contains(sha256_hex); }
   const std::map<uint64_t, PromisedJob>& jobs() const { return jobs_; }
   uint64_t PartsBytes() const;
   // Whether the delivered image of the frame may differ from that of one process, by a false part
@@ -115,6 +117,7 @@ class Promises {
   std::map<coordinator::FrameId, std::set<std::string>> forgotten_;
   // The parts that were there when the frame was delivered: its image was made of them.
   std::map<coordinator::FrameId, std::vector<coordinator::PartRow>> image_parts_;
+  std::set<std::string> stored_;  // Digests.
   std::map<std::string, Possibly<Trust>> identities_;
   std::string secret_;
   int64_t damaged_count_ = 0;

@@ -34,7 +34,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
     bool hoards = false;              // Says that it renders its leases, and never ends one.
     std::string identity = {};        // As WorkerReport has it.
   };
-  SimWorker(World* world, Network* network, const Promises* promises, std::string id,
+  SimWorker(World* world, Network* network, Promises* promises, std::string id,
             const Habits& habits);
 
   void Start() { ScheduleTurn(absl::ZeroDuration()); }
@@ -67,6 +67,9 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   // After a change: does what the state has become ready for.
   void Continue();
   void Synchronize();
+  // At the coordinator: the answer to a report.
+  absl::StatusOr<worker::DesiredState> Ask(coordinator::Farm& farm,
+                                           const coordinator::WorkerReport& report);
   coordinator::WorkerReport MakeReport(const worker::WorkerState& state) const;
   // A lease stands for one task forever.
   void CheckGrant(const worker::Lease& lease);
@@ -93,6 +96,9 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
   void NoteFalse(const worker::FinishedPart& part);
 
   void Upload();
+  // Sends results with the report of its state, in one call.
+  void Deliver();
+  void TakeDelivery(uint64_t sequence, const absl::StatusOr<worker::Delivery>& delivery);
   // At the coordinator: takes the parts together, or the first ones of a call that is cut.
   absl::StatusOr<std::vector<coordinator::ResultOutcome>> AddResults(
       coordinator::Farm& farm, const std::vector<worker::FinishedPart>& parts);
@@ -105,7 +111,7 @@ class SimWorker : public std::enable_shared_from_this<SimWorker> {
 
   World& world_;
   Network& network_;
-  const Promises& promises_;
+  Promises& promises_;
   const std::string id_;
   const Habits habits_;
   bool alive_ = true;

@@ -46,6 +46,8 @@ Simulation::Simulation(const SimulationOptions& options)
       network_(&world_, &host_),
       checks_(&world_, &promises_),
       stranger_(&world_, &network_) {
+  // Drawn from nothing, so that seeds without deliveries stay what they were.
+  world_.offers_deliveries = options.seed % 2 == 0;
   host_.set_after_call([this](Farm& farm) { checks_.Check(farm, host_.options()); });
   host_.set_interleaved([this](Farm& farm) { InterleaveCall(farm); });
 }
@@ -123,6 +125,7 @@ void Simulation::InterleaveCall(Farm& farm) {
     for (const auto& user : users_) {
       if (user->job_id() == job) user->NoteCancelled();
     }
+    world_.Trace("meanwhile: job ", job, " is cancelled");
     farm.CancelJob(job).IgnoreError();
   }
 }

@@ -30,6 +30,8 @@ class World {
 
   Machine machine;
   Random random;  // For what is no fault.
+  // Whether workers may deliver results with their state, in one call.
+  bool offers_deliveries = false;
   Faults faults;
   // Digests of the bytes of parts with false pixels that look right.
   std::set<std::string> false_parts;

@@ -83,10 +83,14 @@ void Agent::LookAround() {
   next_look_ = now_() + options_.away_interval;
 }
 
+void Agent::AddScenes(WorkerState* state) {
+  state->warm_scenes = scenes_.WarmScenes();
+  state->scene_memory_bytes = scenes_.MemoryBytes();
+}
+
 void Agent::Synchronize() {
   AgentState::Report report = state_.BeginSynchronize(now_());
-  report.state.warm_scenes = scenes_.WarmScenes();
-  report.state.scene_memory_bytes = scenes_.MemoryBytes();
+  AddScenes(&report.state);
   mutex_.Unlock();
   const absl::StatusOr<DesiredState> desired = link_->Synchronize(report.state);
   mutex_.Lock();
@@ -175,25 +179,43 @@ void Agent::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status
 }
 
 void Agent::UploadLoop(std::stop_token ended) {
-  MutexLock lock(&mutex_);
+  const MutexLock lock(&mutex_);
   const auto has_parts = [this]()
                              ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return state_.HasParts(); };
   while (uploads_.Wait(&mutex_, ended, has_parts) && !ended.stop_requested()) {
-    const std::vector<const FinishedPart*> parts = state_.NextUpload();
-    lock.Unlock();
-    const absl::StatusOr<std::vector<UploadOutcome>> outcomes =
-        link_->UploadResults(options_.worker_id, parts);
-    lock.Lock();
-    if (outcomes.ok()) {
-      SHEAF_CHECK(outcomes->size() == parts.size());
-      state_.TakeOutcomes(*outcomes);
-    } else {
-      const Clock::duration wait = state_.TakeUploadFailure(outcomes.status());
+    const Clock::duration wait = state_.DeliversState() ? Deliver() : Upload();
+    if (wait > Clock::duration::zero()) {
       uploads_.WaitFor(&mutex_, ended, absl::FromChrono(wait), [] { return false; });
     }
     work_.NotifyAll();
     control_.NotifyOne();
   }
+}
+
+Agent::Clock::duration Agent::Upload() {
+  const std::vector<const FinishedPart*> parts = state_.NextUpload();
+  mutex_.Unlock();
+  const absl::StatusOr<std::vector<UploadOutcome>> outcomes =
+      link_->UploadResults(options_.worker_id, parts);
+  mutex_.Lock();
+  if (!outcomes.ok()) return state_.TakeUploadFailure(outcomes.status());
+  SHEAF_CHECK(outcomes->size() == parts.size());
+  state_.TakeOutcomes(*outcomes);
+  return Clock::duration::zero();
+}
+
+Agent::Clock::duration Agent::Deliver() {
+  const std::vector<const FinishedPart*> parts = state_.NextUpload();
+  AgentState::Report report = state_.BeginDelivery(now_());
+  AddScenes(&report.state);
+  mutex_.Unlock();
+  const absl::StatusOr<Delivery> delivery = link_->Deliver(report.state, parts);
+  mutex_.Lock();
+  if (!delivery.ok()) return state_.TakeDeliveryFailure(delivery.status());
+  SHEAF_CHECK(delivery->outcomes.size() == parts.size());
+  state_.TakeDelivery(report.sequence, *delivery, now_());
+  answered_.NotifyAll();
+  return Clock::duration::zero();
 }
 
 }  // namespace sheaf::worker

@@ -55,6 +55,11 @@ class Agent {
   void Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status)
       ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void UploadLoop(std::stop_token ended);
+  // Send what AgentState::NextUpload has, and release the mutex meanwhile. Return how long to wait
+  // before the next upload.
+  Clock::duration Upload() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  Clock::duration Deliver() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void AddScenes(WorkerState* state);
 
   const AgentOptions options_;
   CoordinatorLink* const link_;

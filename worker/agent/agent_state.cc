@@ -16,6 +16,13 @@ namespace {
 // Maximum parts per upload. More would only increase the data that a broken connection repeats.
 constexpr size_t kUploadPartsMax = 16;
 
+// A delivery is small enough that it does not delay the worker's next report by much: 8 s at 1
+// Mbit/s, below the deadline of its call.
+constexpr uint64_t kDeliveryBytesMax = uint64_t{1} << 20;
+// While a report is under way, its answer is what the next turn waits for; calls have deadlines
+// below this.
+constexpr std::chrono::seconds kReportMax{30};
+
 // Whether the coordinator will never take the result: it is not what its key says, or the work was
 // not leased to this worker.
 bool IsRefusal(const absl::Status& status) {
@@ -96,6 +103,7 @@ void AgentState::AdvanceAway(Time now) {
 }
 
 AgentState::Time AgentState::SynchronizeTime() const {
+  if (reporting_) return last_synchronize_ + kReportMax;
   if (news_ && reachable_) return last_synchronize_ + options_.synchronize_spacing;
   return next_synchronize_;
 }
@@ -119,6 +127,7 @@ AgentState::Time AgentState::NextTurn() const {
 AgentState::Report AgentState::BeginSynchronize(Time now) {
   LeaseLedger::Snapshot snapshot = ledger_.TakeSnapshot();
   news_ = false;
+  reporting_ = true;
   last_synchronize_ = now;
   Report report;
   report.sequence = snapshot.sequence;
@@ -145,6 +154,8 @@ void AgentState::TakeAnswer(uint64_t sequence, const DesiredState& desired, Time
   if (!reachable_) LogInfo("the coordinator answers again");
   reachable_ = true;
   refused_ = false;
+  reporting_ = false;
+  deliveries_ = desired.deliveries;
   answered_sequence_ = sequence;
   backoff_ = options_.backoff_initial;
   next_synchronize_ = now + desired.next_synchronize;
@@ -166,6 +177,7 @@ void AgentState::TakeNoAnswer(const absl::Status& status, Time now) {
     LogWarning(absl::StrCat(status.message(), "; trying again"));
   }
   reachable_ = false;
+  reporting_ = false;
   news_ = true;
   next_synchronize_ = now + (refused_ ? options_.refused_backoff : backoff_);
   backoff_ = std::min(backoff_ * 2, options_.backoff_max);
@@ -184,7 +196,8 @@ uint64_t AgentState::ReportLoading() {
 void AgentState::Finish(FinishedPart part) {
   ledger_.Finish(part.lease_id);
   outbox_.Push(std::move(part));
-  RequestLeases();  // The next lease is to arrive before this upload completes.
+  // A delivery requests the next lease. Otherwise that is to arrive before this upload completes.
+  if (!DeliversState()) RequestLeases();
 }
 
 void AgentState::Fail(uint64_t lease_id, FailureKind kind, const absl::Status& status) {
@@ -251,6 +264,37 @@ AgentState::Clock::duration AgentState::TakeUploadFailure(const absl::Status& st
   const std::chrono::milliseconds wait = upload_backoff_;
   upload_backoff_ = std::min(upload_backoff_ * 2, options_.backoff_max);
   return wait;
+}
+
+bool AgentState::DeliversState() const {
+  // After a failure the two calls are made apart, to tell what fails.
+  if (!deliveries_ || reporting_ || !reachable_ || !uploads_taken_) return false;
+  if (upload_parts_max_ < kUploadPartsMax) return false;
+  uint64_t bytes = 0;
+  for (const FinishedPart* part : NextUpload()) bytes += part->exr_bytes.size();
+  return bytes > 0 && bytes <= kDeliveryBytesMax;
+}
+
+AgentState::Report AgentState::BeginDelivery(Time now) {
+  Report report = BeginSynchronize(now);
+  // The leases of these parts end before the report is looked at.
+  report.state.requested_lease_count =
+      std::max(0, report.state.requested_lease_count - static_cast<int32_t>(NextUpload().size()));
+  return report;
+}
+
+void AgentState::TakeDelivery(uint64_t sequence, const Delivery& delivery, Time now) {
+  TakeAnswer(sequence, delivery.desired, now);  // First: with its leases, no further are requested.
+  TakeOutcomes(delivery.outcomes);
+}
+
+AgentState::Clock::duration AgentState::TakeDeliveryFailure(const absl::Status& status) {
+  reporting_ = false;
+  news_ = true;
+  if (!IsRefusal(status)) return TakeUploadFailure(status);
+  // The report may be what is refused, and the results durable: they are uploaded alone.
+  upload_parts_max_ = 1;
+  return Clock::duration::zero();
 }
 
 // Drops a part that the coordinator says is not what its key says.

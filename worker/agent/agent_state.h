@@ -58,9 +58,9 @@ class AgentState {
 
   // When Advance is due, or BeginSynchronize. Each change below may bring it forward.
   Time NextTurn() const;
-  bool MustSynchronize(Time now) const { return now >= SynchronizeTime(); }
+  bool MustSynchronize(Time now) const { return !reporting_ && now >= SynchronizeTime(); }
   // The report of a call of Synchronize, whose answer or failure goes to one of the functions after
-  // it before the next report. The caller adds what it knows of scenes.
+  // it before the next report, here or of a delivery. The caller adds what it knows of scenes.
   struct Report {
     uint64_t sequence = 0;
     WorkerState state;
@@ -90,6 +90,16 @@ class AgentState {
   void TakeOutcomes(const std::vector<UploadOutcome>& outcomes);
   // Returns how long to wait before the next upload.
   Clock::duration TakeUploadFailure(const absl::Status& status);
+  // Whether the next upload should be a delivery: one call with the worker's report, because the
+  // coordinator offers that, the parts are small and no report is under way.
+  bool DeliversState() const;
+  // The report that goes with the parts of NextUpload. The call's answer or failure goes to one of
+  // the functions after it.
+  Report BeginDelivery(Time now);
+  void TakeDelivery(uint64_t sequence, const Delivery& delivery, Time now);
+  // Returns how long to wait before the next upload, which is made apart from a report. This report
+  // is not answered.
+  Clock::duration TakeDeliveryFailure(const absl::Status& status);
 
   const AgentCounts& counts() const { return counts_; }
 
@@ -108,6 +118,8 @@ class AgentState {
   bool told_to_exit_ = false;
   std::string away_reason_;
   bool news_ = false;          // Since the last report.
+  bool reporting_ = false;     // A report is under way.
+  bool deliveries_ = false;    // The coordinator takes results with the report.
   bool reachable_ = true;      // Whether the last call was answered.
   bool refused_ = false;       // Whether it was refused, for the version of the protocol.
   bool uploads_taken_ = true;  // Whether the last upload was.

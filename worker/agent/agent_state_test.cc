@@ -26,10 +26,11 @@ class AgentStateTest : public ::testing::Test {
 
   // One call of Synchronize, which grants these leases.
   AgentState::Report Synchronize(AgentState* state, const std::vector<uint64_t>& granted,
-                                 bool exit = false) {
+                                 bool exit = false, bool deliveries = false) {
     AgentState::Report report = state->BeginSynchronize(now_);
     DesiredState desired;
     desired.exit = exit;
+    desired.deliveries = deliveries;
     for (const uint64_t id : granted) {
       Lease lease;
       lease.lease_id = id;
@@ -98,6 +99,88 @@ TEST_F(AgentStateTest, ARefusedResultOfSeveralIsFoundAlone) {
   EXPECT_EQ(state.NextUpload()[0]->lease_id, 2u);
   state.TakeOutcomes({UploadOutcome::kAccepted});
   EXPECT_FALSE(state.HasParts());
+}
+
+// The coordinator offers that results come with the worker's report.
+TEST_F(AgentStateTest, ADeliveryIsTheReport) {
+  AgentState state(options_, now_);
+  Synchronize(&state, {1, 2, 3}, /*exit=*/false, /*deliveries=*/true);
+  Render(&state);
+  Render(&state);
+  // No call of Synchronize asks for the next leases.
+  EXPECT_FALSE(state.MustSynchronize(now_ + options_.synchronize_spacing));
+  ASSERT_TRUE(state.DeliversState());
+  const AgentState::Report report = state.BeginDelivery(now_);
+  EXPECT_EQ(report.state.requested_lease_count, options_.thread_count + options_.leases_ahead);
+  EXPECT_FALSE(state.DeliversState());
+  EXPECT_FALSE(state.MustSynchronize(now_ + seconds(5)));  // The report is under way.
+  Delivery delivery{{UploadOutcome::kAccepted, UploadOutcome::kAccepted}, {}};
+  delivery.desired.deliveries = true;
+  for (const uint64_t id : {uint64_t{3}, uint64_t{4}}) {
+    Lease lease;
+    lease.lease_id = id;
+    delivery.desired.leases.push_back(lease);
+  }
+  state.TakeDelivery(report.sequence, delivery, now_);
+  EXPECT_EQ(state.counts().accepted, 2u);
+  EXPECT_FALSE(state.HasParts());
+  EXPECT_FALSE(state.MustSynchronize(now_ + options_.synchronize_spacing));  // Enough are ahead.
+  EXPECT_TRUE(state.HasTask());
+}
+
+TEST_F(AgentStateTest, AfterAFailedDeliveryTheCallsAreMadeApart) {
+  AgentState state(options_, now_);
+  Synchronize(&state, {1, 2}, /*exit=*/false, /*deliveries=*/true);
+  Render(&state);
+  ASSERT_TRUE(state.DeliversState());
+  state.BeginDelivery(now_);
+  EXPECT_EQ(state.TakeDeliveryFailure(absl::UnavailableError("away")), options_.backoff_initial);
+  EXPECT_TRUE(state.MustSynchronize(now_ + options_.synchronize_spacing));
+  EXPECT_FALSE(state.DeliversState());
+  Synchronize(&state, {1, 2}, /*exit=*/false, /*deliveries=*/true);
+  EXPECT_FALSE(state.DeliversState());
+  state.TakeOutcomes({UploadOutcome::kAccepted});
+  Render(&state);
+  EXPECT_TRUE(state.DeliversState());
+}
+
+TEST_F(AgentStateTest, ARefusedResultOfADeliveryIsFoundAlone) {
+  AgentState state(options_, now_);
+  Synchronize(&state, {1, 2}, /*exit=*/false, /*deliveries=*/true);
+  Render(&state);
+  Render(&state);
+  state.BeginDelivery(now_);
+  EXPECT_EQ(state.TakeDeliveryFailure(absl::InvalidArgumentError("not a part")), milliseconds(0));
+  EXPECT_FALSE(state.DeliversState());
+  EXPECT_THAT(state.NextUpload(), SizeIs(1));
+}
+
+// The report may be what is refused: the result is kept, and uploaded alone.
+TEST_F(AgentStateTest, ARefusedDeliveryOfOneResultKeepsIt) {
+  AgentState state(options_, now_);
+  Synchronize(&state, {1, 2}, /*exit=*/false, /*deliveries=*/true);
+  Render(&state);
+  state.BeginDelivery(now_);
+  EXPECT_EQ(state.TakeDeliveryFailure(absl::PermissionDeniedError("another certificate's id")),
+            milliseconds(0));
+  EXPECT_TRUE(state.HasParts());
+  EXPECT_FALSE(state.DeliversState());
+  state.TakeOutcomes({UploadOutcome::kDuplicateEqual});
+  EXPECT_EQ(state.counts().failed, 0u);
+  EXPECT_EQ(state.counts().duplicate_equal, 1u);
+}
+
+TEST_F(AgentStateTest, LargeResultsAreNoDelivery) {
+  AgentState state(options_, now_);
+  Synchronize(&state, {1}, /*exit=*/false, /*deliveries=*/true);
+  const std::optional<LeaseLedger::Task> task = state.TakeTask();
+  state.BeginRendering(1);
+  FinishedPart part;
+  part.lease_id = 1;
+  for (int kib = 0; kib <= 1024; ++kib) part.exr_bytes += std::string(1024, 'x');
+  state.Finish(std::move(part));
+  EXPECT_FALSE(state.DeliversState());
+  EXPECT_TRUE(state.MustSynchronize(now_ + options_.synchronize_spacing));
 }
 
 TEST_F(AgentStateTest, AttemptsAreFurtherAndFurtherApart) {

@@ -37,6 +37,30 @@ TEST(AgentTest, LostRepliesLoseNoWork) {
   EXPECT_TRUE(coordinator.failures().empty());
 }
 
+TEST(AgentTest, DeliversResultsWithItsReport) {
+  FakeCoordinator coordinator(100);
+  coordinator.OfferDeliveries();
+  FakeRenderer renderer;
+  Running running(FastOptions(), &coordinator, &renderer);
+  EXPECT_TRUE(Eventually([&] { return coordinator.done_count() == 100; }));
+  EXPECT_TRUE(running.Stop().ok());
+  EXPECT_EQ(running.agent().counts().accepted, 100u);
+  EXPECT_GT(coordinator.delivery_count(), 0);
+  EXPECT_TRUE(coordinator.last_was_draining_and_empty());
+}
+
+TEST(AgentTest, LostRepliesOfDeliveriesLoseNoWork) {
+  FakeCoordinator coordinator(100);
+  coordinator.OfferDeliveries();
+  coordinator.LoseEveryReply(3);
+  FakeRenderer renderer;
+  Running running(FastOptions(), &coordinator, &renderer);
+  EXPECT_TRUE(Eventually([&] { return coordinator.done_count() == 100; }));
+  EXPECT_TRUE(running.Stop().ok());
+  EXPECT_EQ(running.agent().counts().accepted + running.agent().counts().duplicate_equal, 100u);
+  EXPECT_TRUE(coordinator.failures().empty());
+}
+
 TEST(AgentTest, CoordinatorRestartLosesNoPart) {
   FakeCoordinator coordinator(20);
   FakeRenderer renderer;

@@ -29,6 +29,13 @@ class CoordinatorLink {
   virtual absl::StatusOr<std::vector<UploadOutcome>> UploadResults(
       const std::string& worker_id, const std::vector<const FinishedPart*>& parts) = 0;
 
+  // UploadResults and then Synchronize, in one call, where the coordinator offers that
+  // (DesiredState::deliveries). Idempotent; one attempt with the deadline of Synchronize. Errors:
+  // those of both.
+  // Thread safety: no Synchronize runs meanwhile.
+  virtual absl::StatusOr<Delivery> Deliver(const WorkerState& state,
+                                           const std::vector<const FinishedPart*>& parts) = 0;
+
   // Makes running and later calls return soon, with any error, because the worker is ending. Thread
   // safety: may be called while the others run.
   virtual void Abort() = 0;

@@ -72,7 +72,8 @@ struct DesiredState {
   std::vector<Lease> leases;
   std::chrono::milliseconds next_synchronize{1000};
   std::chrono::milliseconds lease_duration{30'000};
-  bool exit = false;  // An operator drained the worker, and it holds nothing: it ends.
+  bool exit = false;        // An operator drained the worker, and it holds nothing: it ends.
+  bool deliveries = false;  // Small results may be delivered with the worker's state, in one call.
 };
 
 // A rendered task, encoded and ready to be sent, repeatedly if needed.
@@ -92,5 +93,11 @@ struct FinishedPart {
 };
 
 enum class UploadOutcome { kAccepted, kDuplicateEqual, kDuplicateMismatch, kSuperseded };
+
+// The answer to results that came with the worker's state: one outcome for each.
+struct Delivery {
+  std::vector<UploadOutcome> outcomes;
+  DesiredState desired;
+};
 
 }  // namespace sheaf::worker

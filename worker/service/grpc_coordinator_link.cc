@@ -43,6 +43,22 @@ bool WritePart(grpc::ClientWriter<v1::UploadResultsRequest>* writer, const Finis
   return true;
 }
 
+// The outcomes of a response, one for each result.
+template <class Response>
+absl::StatusOr<std::vector<UploadOutcome>> OutcomesOf(const Response& response, size_t count) {
+  if (static_cast<size_t>(response.outcomes_size()) != count) {
+    return absl::InternalError(absl::StrCat("the coordinator returned ", response.outcomes_size(),
+                                            " outcomes for ", count, " results"));
+  }
+  std::vector<UploadOutcome> outcomes;
+  for (const int value : response.outcomes()) {
+    const absl::StatusOr<UploadOutcome> outcome = FromWire(value);
+    if (!outcome.ok()) return outcome.status();
+    outcomes.push_back(*outcome);
+  }
+  return outcomes;
+}
+
 }  // namespace
 
 class GrpcCoordinatorLink::RunningCall {
@@ -122,17 +138,28 @@ absl::StatusOr<std::vector<UploadOutcome>> GrpcCoordinatorLink::UploadResults(
     direct_.Pause(status.error_message());
   }
   if (!status.ok()) return FromGrpcStatus(status);
-  if (static_cast<size_t>(response.outcomes_size()) != parts.size()) {
-    return absl::InternalError(absl::StrCat("the coordinator returned ", response.outcomes_size(),
-                                            " outcomes for ", parts.size(), " results"));
+  return OutcomesOf(response, parts.size());
+}
+
+absl::StatusOr<Delivery> GrpcCoordinatorLink::Deliver(
+    const WorkerState& state, const std::vector<const FinishedPart*>& parts) {
+  RunningCall call(this, kSynchronizeDeadline);
+  v1::DeliverResultsRequest request;
+  *request.mutable_state() = ToWire(state);
+  for (const FinishedPart* part : parts) {
+    v1::DeliveredResult* const result = request.add_results();
+    *result->mutable_header() = ToWire(*part, state.worker_id);
+    result->set_part(part->exr_bytes);
   }
-  std::vector<UploadOutcome> outcomes;
-  for (const int value : response.outcomes()) {
-    const absl::StatusOr<UploadOutcome> outcome = FromWire(value);
-    if (!outcome.ok()) return outcome.status();
-    outcomes.push_back(*outcome);
-  }
-  return outcomes;
+  v1::DeliverResultsResponse response;
+  const grpc::Status status = data_->DeliverResults(&call.context, request, &response);
+  if (!status.ok()) return NoCoordinatorAnswers(address_, FromGrpcStatus(status));
+  absl::StatusOr<std::vector<UploadOutcome>> outcomes = OutcomesOf(response, parts.size());
+  if (!outcomes.ok()) return outcomes.status();
+  absl::StatusOr<DesiredState> desired = FromWire(response.desired());
+  if (!desired.ok()) return desired.status();
+  direct_.SetWanted(response.desired().direct_uploads());
+  return Delivery{*std::move(outcomes), *std::move(desired)};
 }
 
 void GrpcCoordinatorLink::Abort() {

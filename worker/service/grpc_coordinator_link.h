@@ -29,6 +29,8 @@ class GrpcCoordinatorLink : public CoordinatorLink {
   absl::StatusOr<DesiredState> Synchronize(const WorkerState& state) override;
   absl::StatusOr<std::vector<UploadOutcome>> UploadResults(
       const std::string& worker_id, const std::vector<const FinishedPart*>& parts) override;
+  absl::StatusOr<Delivery> Deliver(const WorkerState& state,
+                                   const std::vector<const FinishedPart*>& parts) override;
   void Abort() override;
 
  private:

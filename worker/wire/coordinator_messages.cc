@@ -171,6 +171,7 @@ absl::StatusOr<DesiredState> FromWire(const v1::SynchronizeResponse& response) {
   state.lease_duration =
       std::max(FromWire(response.lease_duration()), std::chrono::milliseconds::zero());
   state.exit = response.exit();
+  state.deliveries = response.deliveries() && !response.direct_uploads();
   return state;
 }
 

@@ -269,6 +269,8 @@ v1::SynchronizeResponse ToWire(const Farm::SynchronizeAnswer& answer) {
   SetDuration(answer.lease_duration, wire.mutable_lease_duration());
   wire.set_exit(answer.exits);
   wire.set_direct_uploads(answer.direct_uploads);
+  // Workers send nothing but headers where they store results themselves.
+  wire.set_deliveries(!answer.direct_uploads);
   return wire;
 }
 

@@ -12,6 +12,9 @@
 namespace sheaf::coordinator {
 
 inline constexpr int kResultsPerUploadMax = 1000;
+// Limits of DeliverResults.
+inline constexpr int kResultsPerDeliveryMax = 64;
+inline constexpr size_t kDeliveryBytesMax = size_t{4} << 20;
 
 class WorkerService final : public v1::WorkerService::Service {
  public:
@@ -24,6 +27,9 @@ class WorkerService final : public v1::WorkerService::Service {
   grpc::Status UploadResults(grpc::ServerContext* context,
                              grpc::ServerReader<v1::UploadResultsRequest>* reader,
                              v1::UploadResultsResponse* response) override;
+  grpc::Status DeliverResults(grpc::ServerContext* context,
+                              const v1::DeliverResultsRequest* request,
+                              v1::DeliverResultsResponse* response) override;
   grpc::Status PlanUploads(grpc::ServerContext* context, const v1::PlanUploadsRequest* request,
                            v1::PlanUploadsResponse* response) override;
   grpc::Status ReadGuidingField(grpc::ServerContext* context,
@@ -31,6 +37,9 @@ class WorkerService final : public v1::WorkerService::Service {
                                 grpc::ServerWriter<v1::ReadGuidingFieldResponse>* writer) override;
 
  private:
+  absl::Status TakeState(const grpc::ServerContext& context, const v1::SynchronizeRequest& request,
+                         v1::SynchronizeResponse* response);
+
   Farm* const farm_;
   AccessControl* const access_;
   WorkerVersions versions_;

@@ -36,39 +36,24 @@ class FakeCoordinator : public CoordinatorLink {
   absl::StatusOr<DesiredState> Synchronize(const WorkerState& state) override {
     const MutexLock lock(&mutex_);
     ++synchronize_count_;
-    if (away_) return absl::UnavailableError("connection refused");
-    if (is_of_another_version_) return absl::FailedPreconditionError("this program is older");
-    Report(state);
-    DesiredState desired;
-    desired.next_synchronize = milliseconds(20);
-    desired.exit = tells_to_exit_ && leased_.empty();
-    for (const auto& [id, task] : leased_) desired.leases.push_back(MakeLease(id, task));
-    if (lose_every_reply_ > 0 && synchronize_count_ % lose_every_reply_ == 0) {
-      return absl::DeadlineExceededError("reply lost");
-    }
-    return desired;
+    return Answer(state);
+  }
+
+  absl::StatusOr<Delivery> Deliver(const WorkerState& state,
+                                   const std::vector<const FinishedPart*>& parts) override {
+    const MutexLock lock(&mutex_);
+    ++delivery_count_;
+    absl::StatusOr<std::vector<UploadOutcome>> outcomes = Take(parts);
+    if (!outcomes.ok()) return outcomes.status();
+    absl::StatusOr<DesiredState> desired = Answer(state);
+    if (!desired.ok()) return desired.status();
+    return Delivery{*std::move(outcomes), *std::move(desired)};
   }
 
   absl::StatusOr<std::vector<UploadOutcome>> UploadResults(
       const std::string&, const std::vector<const FinishedPart*>& parts) override {
     const MutexLock lock(&mutex_);
-    if (away_) return absl::UnavailableError("connection refused");
-    std::vector<UploadOutcome> outcomes;
-    for (const FinishedPart* part : parts) {
-      if (refused_.contains(part->block.first)) return absl::InvalidArgumentError("not a part");
-    }
-    for (const FinishedPart* part : parts) {
-      const uint64_t task = part->block.first;
-      std::erase_if(leased_, [&](const auto& entry) { return entry.second == task; });
-      open_.erase(task);
-      outcomes.push_back(done_.insert(task).second ? UploadOutcome::kAccepted
-                                                   : UploadOutcome::kDuplicateEqual);
-    }
-    ++upload_count_;
-    if (lose_every_reply_ > 0 && upload_count_ % lose_every_reply_ == 0) {
-      return absl::UnavailableError("reply lost");
-    }
-    return outcomes;
+    return Take(parts);
   }
 
   void Abort() override {}
@@ -122,12 +107,57 @@ class FakeCoordinator : public CoordinatorLink {
     const MutexLock lock(&mutex_);
     return last_.draining && last_.leases.empty();
   }
+  void OfferDeliveries() {
+    const MutexLock lock(&mutex_);
+    offers_deliveries_ = true;
+  }
+  int delivery_count() const {
+    const MutexLock lock(&mutex_);
+    return delivery_count_;
+  }
   int synchronize_count() const {
     const MutexLock lock(&mutex_);
     return synchronize_count_;
   }
 
  private:
+  absl::StatusOr<DesiredState> Answer(const WorkerState& state)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (away_) return absl::UnavailableError("connection refused");
+    if (is_of_another_version_) return absl::FailedPreconditionError("this program is older");
+    Report(state);
+    DesiredState desired;
+    desired.next_synchronize = milliseconds(20);
+    desired.deliveries = offers_deliveries_;
+    desired.exit = tells_to_exit_ && leased_.empty();
+    for (const auto& [id, task] : leased_) desired.leases.push_back(MakeLease(id, task));
+    if (lose_every_reply_ > 0 && ++answer_count_ % lose_every_reply_ == 0) {
+      return absl::DeadlineExceededError("reply lost");
+    }
+    return desired;
+  }
+
+  absl::StatusOr<std::vector<UploadOutcome>> Take(const std::vector<const FinishedPart*>& parts)
+      ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    if (away_) return absl::UnavailableError("connection refused");
+    std::vector<UploadOutcome> outcomes;
+    for (const FinishedPart* part : parts) {
+      if (refused_.contains(part->block.first)) return absl::InvalidArgumentError("not a part");
+    }
+    for (const FinishedPart* part : parts) {
+      const uint64_t task = part->block.first;
+      std::erase_if(leased_, [&](const auto& entry) { return entry.second == task; });
+      open_.erase(task);
+      outcomes.push_back(done_.insert(task).second ? UploadOutcome::kAccepted
+                                                   : UploadOutcome::kDuplicateEqual);
+    }
+    ++upload_count_;
+    if (lose_every_reply_ > 0 && upload_count_ % lose_every_reply_ == 0) {
+      return absl::UnavailableError("reply lost");
+    }
+    return outcomes;
+  }
+
   void Report(const WorkerState& state) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
     last_ = state;
     for (const LeaseFailure& failure : state.failures) {
@@ -160,6 +190,9 @@ class FakeCoordinator : public CoordinatorLink {
   WorkerState last_ ABSL_GUARDED_BY(mutex_);
   uint64_t last_lease_id_ ABSL_GUARDED_BY(mutex_) = 0;
   int synchronize_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  int delivery_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  int answer_count_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool offers_deliveries_ ABSL_GUARDED_BY(mutex_) = false;
   int upload_count_ ABSL_GUARDED_BY(mutex_) = 0;
   int lose_every_reply_ ABSL_GUARDED_BY(mutex_) = 0;
   bool tells_to_exit_ ABSL_GUARDED_BY(mutex_) = false;

@@ -122,7 +122,7 @@ SyntheticWorker::SyntheticWorker(std::shared_ptr<grpc::Channel> channel, std::st
       worker_id_(std::move(worker_id)),
       numeric_profile_(NumericProfile()) {}
 
-absl::Status SyntheticWorker::Synchronize(int requested_lease_count) {
+v1::SynchronizeRequest SyntheticWorker::MakeState(int requested_lease_count) const {
   v1::SynchronizeRequest request;
   request.set_worker_id(worker_id_);
   request.set_host("test");
@@ -135,14 +135,45 @@ absl::Status SyntheticWorker::Synchronize(int requested_lease_count) {
     state->set_phase(v1::LeaseState::PHASE_RENDERING);
   }
   for (const v1::LeaseFailure& failure : failures_) *request.add_failures() = failure;
+  return request;
+}
+
+void SyntheticWorker::TakeState(const v1::SynchronizeResponse& response) {
+  leases_.assign(response.leases().begin(), response.leases().end());
+  failures_.clear();
+}
+
+absl::Status SyntheticWorker::Synchronize(int requested_lease_count) {
   grpc::ClientContext context;
   SetDeadline(&context, kUnaryDeadline);
   v1::SynchronizeResponse response;
-  const grpc::Status status = stub_->Synchronize(&context, request, &response);
+  const grpc::Status status =
+      stub_->Synchronize(&context, MakeState(requested_lease_count), &response);
   if (!status.ok()) return FromGrpcStatus(status);
-  leases_.assign(response.leases().begin(), response.leases().end());
-  failures_.clear();
+  TakeState(response);
   return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<v1::UploadResultsResponse::Outcome>> SyntheticWorker::Deliver(
+    const std::vector<Upload>& uploads, int requested_lease_count) {
+  grpc::ClientContext context;
+  SetDeadline(&context, kUnaryDeadline);
+  v1::DeliverResultsRequest request;
+  *request.mutable_state() = MakeState(requested_lease_count);
+  for (const Upload& upload : uploads) {
+    v1::DeliveredResult* const result = request.add_results();
+    *result->mutable_header() = upload.header;
+    result->set_part(upload.bytes);
+  }
+  v1::DeliverResultsResponse response;
+  const grpc::Status status = stub_->DeliverResults(&context, request, &response);
+  if (!status.ok()) return FromGrpcStatus(status);
+  TakeState(response.desired());
+  std::vector<v1::UploadResultsResponse::Outcome> outcomes;
+  for (const int outcome : response.outcomes()) {
+    outcomes.push_back(static_cast<v1::UploadResultsResponse::Outcome>(outcome));
+  }
+  return outcomes;
 }
 
 SyntheticWorker::Upload SyntheticWorker::MakeUpload(const v1::Lease& lease) const {

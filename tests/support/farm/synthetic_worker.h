@@ -57,6 +57,9 @@ class SyntheticWorker {
   // The bytes of the lease's guiding field. Errors: those of the call; kDataLoss.
   absl::StatusOr<std::string> ReadField(const v1::Lease& lease) const;
   absl::StatusOr<v1::UploadResultsResponse::Outcome> Send(const Upload& upload) const;
+  // The results and one Synchronize in one call; keeps its answer. Returns one outcome per result.
+  absl::StatusOr<std::vector<v1::UploadResultsResponse::Outcome>> Deliver(
+      const std::vector<Upload>& uploads, int requested_lease_count);
 
   const std::vector<v1::Lease>& leases() const { return leases_; }
   void ReportFailure(uint64_t lease_id, v1::LeaseFailure::Kind kind, const std::string& message);
@@ -65,6 +68,8 @@ class SyntheticWorker {
   void set_numeric_profile(const std::string& profile) { numeric_profile_ = profile; }
 
  private:
+  v1::SynchronizeRequest MakeState(int requested_lease_count) const;
+  void TakeState(const v1::SynchronizeResponse& response);
   Upload MakeUploadOf(const v1::Lease& lease, std::string bytes) const;
 
   std::unique_ptr<v1::WorkerService::Stub> stub_;

@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// The part of ResultIntake that takes several results at once: those that are wanted become durable
-// together, then each is told to the scheduler and merged.
+// Groups of ResultIntake: the wanted results of a call become durable together, then the scheduler is
+// told of each, and each is merged.
 #include <algorithm>
 #include <iterator>
 #include <memory>
