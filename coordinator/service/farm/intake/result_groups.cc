@@ -1,8 +1,8 @@
 // Copyright the Sheaf authors.
 // SPDX-License-Identifier: Apache-2.0
 //
-// Groups of ResultIntake: the wanted results of a call become durable together, then the scheduler is
-// told of each, and each is merged.
+// Groups of ResultIntake: the wanted results of a call become durable together, then the scheduler
+// hears of each, and each is merged.
 #include <algorithm>
 #include <iterator>
 #include <memory>
