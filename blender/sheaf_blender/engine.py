@@ -6,12 +6,12 @@ import os
 import shutil
 import tempfile
 import time
-import types
 
 import bpy
 import numpy
 
 from . import catchers, jobs, passes
+from .chosen import content_folder, preferences, threads
 from .export.collector import affine
 from .export.scene_export import Settings, export_scene
 from .farm import images, program
@@ -19,12 +19,14 @@ from .farm.program import SheafError
 from .scene import frame_size
 from .scene.ray_visibility import known_techniques
 from .scene.report import Report, cause
+from .viewport_engine import ViewportEngine
 
 # Reports of each scene's last export, by the scene's name; the panel shows them.
 LAST_REPORTS = {}
 REPORT_TEXT = "Sheaf report"
 CATCHER_NOTE = ("Shadow Catcher: it is visible, as other objects; F12 renders its shadows, but not "
                 "in panoramas")
+HOLDOUT_NOTE = "Holdout: it is visible; F12 cuts it out of the image"
 EYES = ("left", "right")  # Blender's names of the views of stereo cameras.
 
 
@@ -48,7 +50,7 @@ class ExportOnly:
         return True
 
 
-class SheafRenderEngine(bpy.types.RenderEngine):
+class SheafRenderEngine(ViewportEngine, bpy.types.RenderEngine):
     bl_idname = "SHEAF"
     bl_label = "Sheaf"
     bl_use_preview = False
@@ -71,6 +73,15 @@ class SheafRenderEngine(bpy.types.RenderEngine):
             self._fail(f"Sheaf: {error}")
         except Exception as error:  # Blender 3.4 crashes later if one leaves this function.
             self._fail(f"Sheaf: the frame cannot be rendered: {cause(error)}")
+
+    def note_view(self, depsgraph, exported):
+        """Keeps the report of a viewport's scene for the panel."""
+        scene, report = depsgraph.scene_eval, exported.report
+        for name in sorted(exported.catchers):
+            report.left_out(f'object "{name}"', CATCHER_NOTE)
+        for name in sorted(exported.holdouts):
+            report.approximated(f'object "{name}"', HOLDOUT_NOTE)
+        LAST_REPORTS[scene.name] = report
 
     def _fail(self, text):
         self.report({"ERROR"}, text)
@@ -119,8 +130,7 @@ class SheafRenderEngine(bpy.types.RenderEngine):
         passes.left_out(scene, depsgraph.view_layer_eval, exported.report, keeps_sky)
         if ExportOnly.present is not None:
             for name in sorted(exported.holdouts):
-                exported.report.approximated(f'object "{name}"', "Holdout: it is visible; F12 "
-                                                                 "cuts it out of the image")
+                exported.report.approximated(f'object "{name}"', HOLDOUT_NOTE)
         if keeps_sky and exported.sky.background.seen is not None:
             exported.report.approximated("world", "Is Camera Ray: the camera sees the world that "
                                                   "lights the scene; F12 shows the other one")
@@ -302,6 +312,8 @@ class ViewCamera:
     shifts it for each eye.
     """
 
+    region = None  # Only of viewports: region_view.RegionView.
+
     def __init__(self, engine, scene, *views):
         self._engine, self._views = engine, views
         self.object = engine.camera_override or scene.camera
@@ -324,20 +336,6 @@ class ViewCamera:
             return self._engine.camera_shift_x(camera_object, use_spherical_stereo=False)
         return self._mean(lambda: self._engine.camera_shift_x(camera_object,
                                                               use_spherical_stereo=False))
-
-
-def preferences():
-    """The preferences of the add-on, or their defaults: `blender --addons` enables it without."""
-    addon = bpy.context.preferences.addons.get(__package__)
-    if addon is not None and addon.preferences is not None:
-        return addon.preferences
-    return types.SimpleNamespace(program_folder=program.default_program_folder(), address="",
-                                 http_port=0, insecure=False, content_folder="")
-
-
-def content_folder():
-    return bpy.path.abspath(preferences().content_folder) or os.path.join(
-        tempfile.gettempdir(), f"sheaf-blender-content-{os.getuid()}")
 
 
 def samples_of(scene, view_layer):
@@ -376,7 +374,3 @@ def start_job(scene, view_layer, exported, output, has_catchers=False):
         return jobs.FarmRender(*arguments, address=own.address or chosen.address,
                                insecure=chosen.insecure, http_port=chosen.http_port)
     return jobs.LocalRender(*arguments, threads=threads(scene))
-
-
-def threads(scene):
-    return scene.render.threads if scene.render.threads_mode == "FIXED" else 0

@@ -41,6 +41,7 @@ class SHEAF_PT_render(_Panel, bpy.types.Panel):
             column.prop(own, "address")
         column.prop(own, "stop")
         column.prop(own, "samples" if own.stop == "SAMPLES" else "target_error_percent")
+        column.prop(own, "viewport_samples")
         for name in ("max_depth", "techniques", "seed", "filter_type", "filter_width",
                      "more_options"):
             column.prop(own, name)

@@ -3,7 +3,7 @@
 """Properties, preferences, and the list of what Blender registers."""
 import bpy
 
-from . import engine, operators, panels
+from . import engine, operators, panels, viewport
 from .farm import program
 from .scene import techniques
 
@@ -46,6 +46,9 @@ class SheafSettings(bpy.types.PropertyGroup):
         default="SAMPLES")
     samples: bpy.props.IntProperty(name="Samples", min=1, max=65536, default=128)
     target_error_percent: bpy.props.FloatProperty(name="Error (%)", min=0.1, max=100, default=10)
+    viewport_samples: bpy.props.IntProperty(
+        name="Viewport Samples", min=1, max=65536, default=64,
+        description="Samples at which an image of the viewport is complete")
     max_depth: bpy.props.IntProperty(name="Bounces", min=0, max=100, default=12,
                                      description="A limit for each path, whatever it "
                                      "meets: Total of Cycles")
@@ -87,6 +90,8 @@ def register():
 
 def unregister():
     panels.share_panels(False)
+    for each in list(viewport.PRESENT):
+        each.close()
     del bpy.types.Scene.sheaf
     for each in reversed(_CLASSES):
         bpy.utils.unregister_class(each)

@@ -48,6 +48,7 @@ std::unique_ptr<Command> MakePlanCommand();
 std::unique_ptr<Command> MakeStudyCommand();
 std::unique_ptr<Command> MakeCompareCommand();
 std::unique_ptr<Command> MakePackCommand();
+std::unique_ptr<Command> MakeViewCommand();
 std::unique_ptr<Command> MakeLoginCommand();
 std::unique_ptr<Command> MakePageCommand();
 std::unique_ptr<Command> MakeCompletionCommand();

@@ -47,7 +47,7 @@ std::vector<CommandGroup> MakeCommands() {
   std::vector<CommandGroup> groups;
   groups.push_back(Group("Render on this machine", MakeRenderCommand(), MakeQuoteCommand(),
                          MakePlanCommand(), MakeStudyCommand(), MakeCompareCommand(),
-                         MakePackCommand()));
+                         MakePackCommand(), MakeViewCommand()));
   groups.push_back(Group("Render on a farm", MakeSubmitCommand(), MakeWatchCommand(),
                          MakeListCommand(), MakeShowCommand(), MakeLogsCommand(),
                          MakeRefineCommand()));

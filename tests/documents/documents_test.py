@@ -45,6 +45,7 @@ NOT_RUN = {
     "docs/security.md": "they need root: secure_farm_test.py has the calls of Sheaf",
     "docs/study.md": "a study takes minutes: study_test.py",
     "docs/usage.md": "they need a farm with users",
+    "docs/viewing.md": "a conversation between programs: view_test.py",
     "docs/users/clusters.md": "they need Slurm: tests/engines/slurm",
     "docs/users/farm-managers.md": "they need a farm manager",
     "docs/users/home.md": "a line of a file",

@@ -29,7 +29,7 @@ LIBRARY_VALIDATORS = re.compile(
 # separates folders of one level, which do not include each other.
 ROOMS = {
     "cli": ". < image | denoiser | usd < gltf < job/format | job/frames | job/identity < job "
-           "| bundle < dropped | quote < study | profile < commands",
+           "| bundle < dropped | quote | view < study | profile < commands",
     "common/film": ". < denoise | display | light < error < exr",
     "common/scene": ". < spectrum < settings | formats | gltf/draco | gltf/surrounding "
                     "< pbrt/syntax < pbrt/statements < pbrt < gltf < reader",

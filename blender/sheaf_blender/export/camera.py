@@ -26,6 +26,13 @@ def camera_from_world(matrix):
     return _TURN @ axes.inverted(axes.inverted_safe())
 
 
+def affine_inverse(matrix):
+    """The inverse of a transform, whose last row is 0 0 0 1."""
+    found = matrix.inverted_safe()
+    found[3] = (0.0, 0.0, 0.0, 1.0)
+    return found
+
+
 @dataclasses.dataclass(frozen=True)
 class State:
     """matrix: world from the camera; window: see _window; focus_m and f-number."""
@@ -36,12 +43,14 @@ class State:
 
 def state(view, depsgraph, scene):
     """The State of the camera at the time at which depsgraph stands. view: gives the camera's
-    object and, of each eye, its matrix and shift.
+    object and, of each eye, its matrix and shift; or the region of a viewport.
     """
+    if view.region is not None:
+        return view.region.state
     camera_object = view.object.evaluated_get(depsgraph)
     return State(view.matrix(camera_object),
                  _window(camera_object.data, scene, view.shift_x(camera_object)),
-                 _lens(camera_object, view.matrix(camera_object)))
+                 lens_of(camera_object, view.matrix(camera_object)))
 
 
 def views_of(states, kind):
@@ -92,7 +101,11 @@ def parameters(kind, one):
 
 
 def lens_parameters(camera_object, scene, one, shutter, report):
-    """Parameters of its lens and shutter. shutter: (open, close) or None."""
+    """Parameters of its lens and shutter; of no lens without an object. shutter: (open, close) or
+    None.
+    """
+    if camera_object is None:
+        return {}
     camera = camera_object.data
     item = f'camera "{camera_object.name}"'
     found = {} if camera.type == "PANO" else _lens_parameters(camera.dof, one, item, report)
@@ -136,7 +149,7 @@ def _window(camera, scene, shift_x):
     return min(xs) + more, max(xs) + more, min(ys), max(ys)
 
 
-def _lens(camera_object, camera_matrix):
+def lens_of(camera_object, camera_matrix):
     """(radius, distance of focus); () without depth of field."""
     camera = camera_object.data
     dof = camera.dof

@@ -73,8 +73,9 @@ class Collector:
     instance; lights: [LightPlace].
     """
 
-    def __init__(self, depsgraph, content, images, report, has_motion, catchers=""):
-        """catchers: see scene_export.Settings."""
+    def __init__(self, depsgraph, content, images, report, has_motion, catchers="",
+                 is_shown=None):
+        """catchers, is_shown: see scene_export.Settings."""
         self._layer = depsgraph.view_layer_eval
         self._depsgraph, self._content = depsgraph, content
         self._images, self._report, self._has_motion = images, report, has_motion
@@ -85,11 +86,13 @@ class Collector:
         self._taken = set()
         self.holdouts = set()  # Names of objects through which the camera sees nothing,
         self.catchers = set()  # and of those that show only the shadows on them.
-        self._wanted_catchers = catchers
+        self._wanted_catchers, self._is_shown = catchers, is_shown
         self._hair_done = set()
 
     def collect(self):
         for instance in self._depsgraph.object_instances:
+            if self._is_shown is not None and not self._is_shown(instance):
+                continue
             with self._report.guard(f'object "{instance.object.name}"'):
                 self._collect_one(instance, instance.object)
 

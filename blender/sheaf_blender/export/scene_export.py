@@ -78,6 +78,7 @@ class Settings:
     window: tuple = ()  # x0, x1, y0, y1 of the film to render, from the top; empty: all.
     has_groups: bool = True    # Whether the image has layers of light groups,
     is_corrected: bool = True  # and F12 makes the frame of it.
+    is_shown: object = None    # Whether an object is seen at all: of the viewport; None: all are.
     catchers: str = ""  # Shadow catchers: "" as usual objects, "unseen" by the camera, or "alone".
 
 
@@ -112,22 +113,23 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     """
     scene = depsgraph.scene_eval
     exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
-    if view.object is None:
+    if view.object is None and view.region is None:
         raise ValueError("the scene has no camera; add one (Add > Camera)")
     images = Images(content, report)
     shutter = None
     with report.guard("motion blur"):
-        if depsgraph.view_layer_eval.use_motion_blur:
+        if depsgraph.view_layer_eval.use_motion_blur and view.region is None:
             shutter = camera.shutter_of(scene)
     collector = Collector(depsgraph, content, images, report, shutter is not None,
-                          settings.catchers)
+                          settings.catchers, settings.is_shown)
     with report.guard("scene"):
         collector.collect()
-    camera_object = view.object.evaluated_get(depsgraph)
-    kind = camera.kind_of(camera_object.data)
+    camera_object = view.object.evaluated_get(depsgraph) if view.object else None
+    item = f'camera "{camera_object.name}"' if camera_object else "view"
+    kind = view.region.kind if view.region else camera.kind_of(camera_object.data)
     states = [camera.state(view, depsgraph, scene)]
     camera_parameters = camera.parameters(kind, states[0])
-    with report.guard(f'camera "{camera_object.name}"'):
+    with report.guard(item):
         camera_parameters.update(camera.lens_parameters(camera_object, scene, states[0], shutter,
                                                         report))
     text = SceneText(body)
@@ -138,13 +140,15 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     text.raw("WorldBegin")
     geometries = list(collector.geometries.values())
     clips = {}
-    with report.guard(f'camera "{camera_object.name}"'):
-        clips = clipping.parameters(camera_object.data, states[0], geometries)
+    with report.guard(item):
+        if not view.region:
+            clips = clipping.parameters(camera_object.data, states[0], geometries)
         camera_parameters.update(clips)
     view_now = camera.views_of(states, kind)[0]
     for place in collector.lights:
         with report.guard(f'light "{place.name}"'):
-            place.is_seen = lights.is_in_view(place, view_now, states[0].window, kind)
+            place.is_seen = view.region is not None or lights.is_in_view(
+                place, view_now, states[0].window, kind)
             place.is_around = lights.is_around(place, view_now)
     sphere = mathutils.Vector((0, 0, 0)), 1.0
     with report.guard("scene"):
@@ -165,12 +169,12 @@ def _write_scene(depsgraph, header, body, content, report, settings, set_frame, 
     with report.guard("scene"):
         writer.write(geometries, moved)
     medium = ""
-    with report.guard(f'camera "{camera_object.name}"'):
+    with report.guard(item):
         medium = writer.write_camera_medium(
-            inside_of.media_at(geometries, states[0].matrix.translation), camera_object.name)
+            inside_of.media_at(geometries, states[0].matrix.translation), item)
         if "float farclip" in clips and (medium or collector.has_media()):
-            report.approximated(f'camera "{camera_object.name}"', "Clip End: volumes end there, "
-                                "too; those of Cycles continue behind it")
+            report.approximated(item, "Clip End: volumes end there, too; those of Cycles continue "
+                                      "behind it")
     options = SceneText(header)
     _write_options(options, settings, shutter)
     _write_camera(options, camera.views_of(states, kind), kind, camera_parameters, medium)
@@ -253,8 +257,20 @@ def _set_time(set_frame, time_frames):
     set_frame(whole, time_frames - whole)
 
 
-def _write_options(text, settings, shutter):
-    text.raw("# Written by Sheaf's add-on for Blender.")
+def view_text(settings, region):
+    """The directives before WorldBegin for another view of a scene that is exported already.
+    region: a region_view.Region.
+    """
+    text = io.StringIO()
+    write = SceneText(text)
+    _write_film(write, settings)
+    found = camera.parameters(region.kind, region.state)
+    found.update(camera.lens_parameters(region.lens_object, None, region.state, None, Report()))
+    _write_camera(write, camera.views_of([region.state], region.kind), region.kind, found, "")
+    return text.getvalue()
+
+
+def _write_film(text, settings):
     film = {"integer xresolution": settings.width, "integer yresolution": settings.height}
     if settings.window:
         film["integer pixelbounds"] = settings.window
@@ -262,6 +278,11 @@ def _write_options(text, settings, shutter):
     text.directive(*_filter(settings))
     text.directive("Sampler", "zsobol", {"integer pixelsamples": settings.samples,
                                          "integer seed": settings.seed})
+
+
+def _write_options(text, settings, shutter):
+    text.raw("# Written by Sheaf's add-on for Blender.")
+    _write_film(text, settings)
     text.directive("Integrator", "volpath", {"integer maxdepth": settings.max_depth})
     if shutter is not None:
         text.raw(f"TransformTimes {shutter[0]:.9g} {shutter[1]:.9g}")

@@ -96,13 +96,12 @@ class SceneWriter:
                            [(material, "") for material, _ in names], geometry.object_names[index],
                            geometry.groups[index])
 
-    def write_camera_medium(self, found, camera_name):
+    def write_camera_medium(self, found, item):
         """The name of the medium around the camera; empty for none. found: see inside_of."""
         if not found:
             return self._around
         if len(found) > 1:
-            self._report.approximated(f'camera "{camera_name}"', f"it is in {len(found)} volumes; "
-                                      "the first one counts")
+            self._report.approximated(item, f"it is in {len(found)} volumes; the first one counts")
         geometry, index, part = found[0]
         if part is None:
             return _grid_name(geometry, index)

@@ -15,7 +15,7 @@ FULL_TURN_MIN = 1e-3  # Radians by which a panorama may miss the whole sphere.
 
 
 def note_all(depsgraph, camera_object, collector, report):
-    """Reports all settings."""
+    """Reports all settings. camera_object: None for a view without one."""
     scene = depsgraph.scene_eval
     layer = depsgraph.view_layer_eval
     _note("ViewLayer", layer, f'view layer "{layer.name}"', report)
@@ -43,7 +43,8 @@ def note_all(depsgraph, camera_object, collector, report):
         _note("CyclesWorldSettings", getattr(scene.world, "cycles", None), item, report)
         _note("CyclesVisibilitySettings", getattr(scene.world, "cycles_visibility", None), item,
               report)
-    _note_camera(camera_object, report)
+    if camera_object is not None:
+        _note_camera(camera_object, report)
     for found in depsgraph.objects:
         _note_object(found, report)
 
