@@ -4,6 +4,7 @@
 images when the view does, and draws the newest one.
 """
 import functools
+import hashlib
 import os
 import shutil
 import tempfile
@@ -46,7 +47,8 @@ class Viewport:
         self._changed = None        # When the scene last changed; None: it is exported.
         self._export_seconds = 0.0
         self._exported = None       # The last export,
-        self._path = ""             # and its file.
+        self._path = ""             # its file,
+        self._content = None        # and what tells it from others.
         self._asked = None          # The Region of the last request,
         self._regions = {}          # and those of requests whose images may still come.
         self._shown = None          # (texture, place of it in parts of the region).
@@ -84,15 +86,28 @@ class Viewport:
                 depsgraph, path, content_folder(), settings, None,
                 region_view.RegionView(region, camera_object))
             self._export_seconds = time.monotonic() - start
-            if self._path:
-                _remove(self._path)
-            self._path = path
-            self._ask(depsgraph.scene_eval, region, self._path)
+            self._take(path, depsgraph, region)
         except (SheafError, ValueError, OSError) as error:
             self.problem = str(error)
         except Exception as error:  # As for render(): none may leave the engine's functions.
             self.problem = f"the scene cannot be exported: {cause(error)}"
         return self._exported
+
+    def _take(self, path, depsgraph, region):
+        """Shows an exported scene, unless it is the one that is shown: a selection is a change for
+        Blender, too.
+        """
+        scene, seen = depsgraph.scene_eval, self._exported.sky.background.seen
+        content = (_content_of(path), scene.render.film_transparent,
+                   passes.hides_sky(scene, depsgraph.view_layer_eval))
+        if (content == self._content and seen is None and not self.problem
+                and self._process is not None and self._process.is_alive):
+            _remove(path)
+            return
+        if self._path:
+            _remove(self._path)
+        self._path, self._content = path, content
+        self._ask(scene, region, path)
 
     def look(self, scene, region):
         """Asks for an image of the exported scene from this side, if it is another one."""
@@ -239,6 +254,17 @@ def _texture(pixels):
     height, width = pixels.shape[:2]
     data = gpu.types.Buffer("FLOAT", 4 * width * height, pixels.reshape(-1))
     return gpu.types.GPUTexture((width, height), format="RGBA16F", data=data)
+
+
+def _content_of(path):
+    """A digest of a scene file without its view."""
+    digest, is_header = hashlib.sha256(), True
+    with open(path, "rb") as file:
+        for line in file:
+            is_header = is_header and not line.startswith(b"WorldBegin")
+            if not is_header or not line.startswith((b"Film", b"Transform", b"Camera")):
+                digest.update(line)
+    return digest.digest()
 
 
 def _remove(path):

@@ -279,6 +279,11 @@ def check_edits(bench, scene):
     for change in (move, paint, brighten):
         check(edited(change), f"{change.__name__} changes the image")
     check(bench.process is process, "edits keep the process")
+    path = bench.viewport._path
+    bench.viewport.note_change()
+    bench.wait(lambda: bench.viewport._changed is None)
+    check(bench.viewport._path == path and bench.viewport.status.endswith(f" {SAMPLES} samples"),
+          "what changes nothing, such as a selection, keeps the image")
 
 
 def check_film(bench, scene):
