@@ -106,6 +106,7 @@ class StandardStreamsTest(ClientCase):
             "pack": [["pack", self.farm.path("seeds/volume/0"), "-o", self.farm.path("pages")]],
             "compare": [["compare", image, image], ["compare", image, image, "--json"]],
             "completion": [["completion", "bash"]],
+            "view": None,  # It answers requests: view_test.py.
         }
 
     def test_every_command_notices_output_that_is_not_written(self):
