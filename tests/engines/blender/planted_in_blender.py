@@ -29,10 +29,10 @@ FOLDER, *CHOSEN = sys.argv[sys.argv.index("--") + 1:]
 FRAME = ("export.camera.", "export.scene_export.", "scene.text.", "scene.report.",
          "scene.frame_size.", "scene.content.ContentFolder._read_index",
          "scene.ray_visibility.known_techniques", "export.light_groups.layer_name")
-# Modules that the export of this scene does not run: another Blender does, or Submit Frames, they
-# are lists, or the camera is in no volume.
+# Modules that the export of this scene does not run: another Blender does, or Submit Frames, or the
+# viewport, they are lists, or the camera is in no volume.
 NOT_REACHED = {"export.world_bake_script", "export.eyes", "scene.settings_without_effect",
-               "scene.techniques", "scene.containment"}
+               "scene.techniques", "scene.containment", "export.region_view"}
 
 
 def planted(*_, **__):

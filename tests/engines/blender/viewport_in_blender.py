@@ -42,6 +42,12 @@ def is_complete():
     return bool(viewports()) and the_viewport().status.endswith(f" {SAMPLES} samples")
 
 
+def image_after(viewport):
+    """A condition: there is an image that was asked for after this call."""
+    before = max(viewport._regions)
+    return lambda: max(viewport._regions) > before and is_complete()
+
+
 def screenshot():
     """The 3D view as (height, width, 3), rows from the top: the frame buffer file of Xvfb, as some
     Blenders cannot read their window, and images of Blender's own are changes of the scene.
@@ -84,9 +90,9 @@ def steps():
     assert abs(first[-40, 60:80] - GRAY_SHOWN).max() <= 2, first[-40, 60]
     process, path = process_of(viewport), viewport._path
 
+    next_image = image_after(viewport)
     area().spaces[0].region_3d.view_location.x += 1.5
-    yield lambda: not is_complete()
-    yield is_complete
+    yield next_image
     moved = screenshot()
     assert is_changed(moved, first), "a move of the view changes the image"
     assert (process_of(viewport), viewport._path) == (process, path), "the scene is kept"
@@ -105,11 +111,10 @@ def steps():
     red = screenshot()
     assert (red[..., 0] - red[..., 1]).max() > 60, "a material changes the image"
 
+    next_image = image_after(viewport)
     area().spaces[0].region_3d.view_perspective = "CAMERA"
     scene.render.use_border, scene.render.border_max_x = True, 0.5
-    yield lambda: viewport._asked.window
-    yield lambda: not is_complete()
-    yield is_complete
+    yield lambda: viewport._asked.window and next_image()
     framed = screenshot()
     assert (abs(framed - GRAY_SHOWN).max(axis=-1) <= 2).sum() > 1000, "the border is rendered"
     outside = framed[:, -20:]
@@ -121,12 +126,12 @@ def steps():
     yield is_complete
     assert process_of(viewport) is not process, "another process has taken over"
 
+    next_image = image_after(viewport)
     scene.render.film_transparent = True
-    yield lambda: not is_complete()
-    yield is_complete
+    yield next_image
 
     process = process_of(viewport)
-    del viewport
+    del viewport, next_image  # An engine that is freed has the last reference.
     area().spaces[0].shading.type = "SOLID"
     yield lambda: not viewports() and process.poll() is not None
     assert process.poll() == 0, process.poll()
