@@ -41,7 +41,7 @@ enum class SegmentEnd : uint8_t { kHit, kScattered, kTerminated };
 // scatter it: then sets *vertex. Adds the segment's emission and its line-sampled light. flight:
 // what is known of it before.
 template <typename C>
-SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, const Flight<C>& flight,
+SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, const FlightIf<C>& flight,
                                PathState<C>* path, Vertex<C>* vertex) {
   using Color = typename C::Color;
   MediumState<C>& media = path->media;
@@ -57,7 +57,7 @@ SegmentEnd SampleMediumSegment(const Context<C>& c, const RawHit* hit, const Fli
   if constexpr (C::kSubsurface) {
     if (path->subsurface.has_arrived && hit != nullptr) return SegmentEnd::kHit;
   }
-  if (hit == nullptr && !is_clipped && media.properties.is_bounded && !flight.Scatters()) {
+  if (hit == nullptr && !is_clipped && media.properties.is_bounded && !Scatters<C>(flight)) {
     ++c.counts.broken_nestings;
     return SegmentEnd::kTerminated;
   }
@@ -184,7 +184,7 @@ void NextVertex(const Context<C>& c, PathState<C>* path, Vertex<C>* vertex) {
   }
   ++c.counts.rays;
   RawHit hit;
-  [[maybe_unused]] StateIf<C::kMedia, Flight<C>> flight;
+  [[maybe_unused]] FlightIf<C> flight;
   [[maybe_unused]] const float t_max = path->ray.t_max;
   if constexpr (C::kHeterogeneous) flight = FlyAhead(c, path);
   bool hits = c.tracer.Intersect(path->ray, &hit);

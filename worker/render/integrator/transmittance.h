@@ -178,9 +178,18 @@ struct Flight {
   bool is_known = false;
   DistanceSample<typename C::Color> sample;
   MediumScatterer scatterer;
-
-  bool Scatters() const { return is_known && sample.scatters; }
 };
+
+// Nothing where no medium is heterogeneous: paths through fog carry no flight.
+template <typename C>
+using FlightIf = StateIf<C::kHeterogeneous, Flight<C>>;
+
+// Whether a flight is known to end at a collision.
+template <typename C>
+bool Scatters(const FlightIf<C>& flight) {
+  if constexpr (C::kHeterogeneous) return flight.is_known && flight.sample.scatters;
+  return false;
+}
 
 // Whether the flight can be known before the ray is traced: nothing else depends on its length.
 template <typename C>
