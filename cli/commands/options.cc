@@ -304,7 +304,9 @@ void AddJsonFlag(CLI::App* command, bool* json) {
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   RenderSettings& settings = arguments->settings;
   const OptionGroup group(command, "Scene and samples");
-  command->add_option("SCENE", arguments->scene, "Scene file: pbrt-v4, or glTF 2.0 (.gltf, .glb)")
+  command
+      ->add_option("SCENE", arguments->scene,
+                   "Scene file: pbrt-v4, glTF 2.0 (.gltf, .glb) or USD (.usd, .usda, .usdc, .usdz)")
       ->required();
   command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
       ->check(InRange(int64_t{1}));

@@ -36,12 +36,14 @@ size_t EditDistance(std::string_view a, std::string_view b, size_t limit) {
   return std::min(row[b.size()], limit);
 }
 
+size_t CountLetters(std::string_view name) {
+  return name.size() - std::min(name.find_first_not_of('-'), name.size());
+}
+
 // The shortest of the candidates that the name begins; null if there is none.
 const std::string* ShortestWithPrefix(std::string_view name,
                                       const std::vector<std::string>& candidates) {
-  if (name.size() < kPrefixBytesMin + std::min(name.find_first_not_of('-'), name.size())) {
-    return nullptr;
-  }
+  if (CountLetters(name) < kPrefixBytesMin) return nullptr;
   const std::string* best = nullptr;
   for (const std::string& candidate : candidates) {
     if (!std::string_view(candidate).starts_with(name)) continue;
@@ -58,7 +60,9 @@ std::string NearestNameHint(std::string_view name, const std::vector<std::string
     return absl::StrCat("; did you mean \"", *whole, "\"?");
   }
   const std::string* best = nullptr;
-  size_t best_distance = std::max<size_t>(2, name.size() / 3) + 1;
+  // A name of which most letters differ is another name.
+  size_t best_distance =
+      std::min(std::max<size_t>(2, name.size() / 3), CountLetters(name) / 2) + 1;
   for (const std::string& candidate : candidates) {
     if (candidate.size() > kNameBytesMax) continue;
     const size_t distance = EditDistance(name, candidate, best_distance);

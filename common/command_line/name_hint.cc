@@ -11,7 +11,7 @@
 namespace sheaf {
 namespace {
 
-// The words of pbrt, kubectl and Unix.
+// The words of other renderers and farms, of kubectl and Unix.
 struct OtherWord {
   absl::string_view word, ours;
 };
@@ -21,7 +21,27 @@ constexpr OtherWord kOtherWords[] = {{"--spp", "--samples"},
                                      {"--nthreads", "--threads"},
                                      {"--cropwindow", "--crop"},
                                      {"--resolution", "--size"},
+                                     {"--crop-window", "--crop"},
+                                     {"--pixelbounds", "--crop"},
+                                     {"--region", "--crop"},
+                                     {"--width", "--size"},
+                                     {"--height", "--size"},
                                      {"--max-bounces", "--max-depth"},
+                                     {"--bounces", "--max-depth"},
+                                     {"--depth", "--max-depth"},
+                                     {"--integrator", "--techniques"},
+                                     {"--time-limit", "--time"},
+                                     {"--noise-threshold", "--target-error"},
+                                     {"--denoiser", "--denoise"},
+                                     {"--aovs", "--aov"},
+                                     {"--camera-name", "--camera"},
+                                     {"--compression", "--exr-compression"},
+                                     {"--cores", "--threads"},
+                                     {"--num-threads", "--threads"},
+                                     {"--name", "--title"},
+                                     {"--host", "--coordinator"},
+                                     {"--server", "--coordinator"},
+                                     {"--address", "--coordinator"},
                                      {"jobs", "list"},
                                      {"ls", "list"},
                                      {"status", "show"},
