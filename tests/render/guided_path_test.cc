@@ -177,9 +177,10 @@ TEST(LearnedLightsTest, FindWhatTheCameraFindsBesideLightPathsAndGuiding) {
   }
 }
 
-// Rough metals and coats have sketches; the hall has none.
+// Rough metals, coats and principled surfaces have sketches; the hall has none.
 TEST(LightsByProductTest, FindWhatTheCameraFinds) {
-  const std::vector<TestScene> scenes = {LampsOverGloss(kColored, 0.4f), Glossy(kColored),
+  const std::vector<TestScene> scenes = {LampsOverGloss(kColored, 0.4f),
+                                         LampsOverPlastic(kColored, 0.4f), Glossy(kColored),
                                          DividedHall(kColored)};
   uint64_t seed = 9000;
   for (const TechniqueSet others :

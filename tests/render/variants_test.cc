@@ -191,7 +191,7 @@ TEST(VariantsTest, LearnedLightsHaveVariantsOfTheirOwn) {
   const RenderPlan product = MakeRenderPlan(t.scene, settings);
   EXPECT_EQ(product.variant_name, plan.variant_name);
   ASSERT_EQ(product.notes.size(), 2u);
-  EXPECT_EQ(product.notes[1].rfind("product: rough metals", 0), 0u) << product.notes[1];
+  EXPECT_EQ(product.notes[1].rfind("product: rough metals, coats", 0), 0u) << product.notes[1];
   settings.techniques = {Technique::kProduct, Technique::kLightPaths};
   const RenderPlan beside = MakeRenderPlan(t.scene, settings);
   EXPECT_FALSE(Has(beside.traits, Trait::kLearnedLights));

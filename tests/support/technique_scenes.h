@@ -258,20 +258,15 @@ inline TestScene ManyLights(Tint tint) {
   return t;
 }
 
-// 200 small lamps of several colors over a rough coat, a ball of rough metal and a coated one.
-inline TestScene LampsOverGloss(Tint tint, float alpha) {
+// 200 small lamps of several colors over a floor, a ball of another material and one of the
+// floor's.
+template <typename Floor, typename Ball>
+TestScene LampsOver(Tint tint, const Floor& floor, const Ball& ball) {
   TestScene t({0, 1, -3.2}, {0, 0.6, 0}, 36);
-  CoatedDiffuseMaterial coat;
-  coat.roughness = {{alpha, kNone}, {alpha, kNone}, false};
-  coat.reflectance.value.rgb = tint({0.1f, 0.12f, 0.15f});
-  ConductorMaterial metal;
-  metal.roughness = {{alpha, kNone}, {alpha, kNone}, false};
-  metal.has_reflectance = true;
-  metal.reflectance.value.rgb = tint({0.9f, 0.7f, 0.5f});
-  const int32_t coated = t.AddMaterial(coat);
-  t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})}, coated);
-  t.AddShape(kBall, t.AddMaterial(metal), TranslateMatrix({-0.8, 0.6, 0.3}));
-  t.AddShape(kBall, coated, TranslateMatrix({0.8, 0.6, 0.6}));
+  const int32_t below = t.AddMaterial(floor);
+  t.AddShape(MeshShape{t.Quad({-2, 0, -2}, {-2, 0, 2}, {2, 0, 2}, {2, 0, -2})}, below);
+  t.AddShape(kBall, t.AddMaterial(ball), TranslateMatrix({-0.8, 0.6, 0.3}));
+  t.AddShape(kBall, below, TranslateMatrix({0.8, 0.6, 0.6}));
   constexpr float kSide = 0.03f;
   for (int i = 0; i < 200; ++i) {
     const float x = -2.3f + 0.23f * static_cast<float>(i % 20);
@@ -285,6 +280,35 @@ inline TestScene LampsOverGloss(Tint tint, float alpha) {
         .area_light = t.AreaLight(tint({red, 150, blue}));
   }
   return t;
+}
+
+// A floor with a rough coat, and a ball of rough metal.
+inline TestScene LampsOverGloss(Tint tint, float alpha) {
+  CoatedDiffuseMaterial coat;
+  coat.roughness = {{alpha, kNone}, {alpha, kNone}, false};
+  coat.reflectance.value.rgb = tint({0.1f, 0.12f, 0.15f});
+  ConductorMaterial metal;
+  metal.roughness = {{alpha, kNone}, {alpha, kNone}, false};
+  metal.has_reflectance = true;
+  metal.reflectance.value.rgb = tint({0.9f, 0.7f, 0.5f});
+  return LampsOver(tint, coat, metal);
+}
+
+// A floor of plastic with a rough coat, and a ball of metal under one.
+inline TestScene LampsOverPlastic(Tint tint, float alpha) {
+  PrincipledMaterial plastic;
+  plastic.base_color.value.rgb = tint({0.1f, 0.12f, 0.15f});
+  plastic.specular_tint.value.rgb = tint({1, 1, 1});
+  plastic.metallic.value = 0.2f;
+  plastic.roughness.value = std::sqrt(alpha);
+  plastic.coat.value = 0.5f;
+  plastic.coat_roughness.value = 0.8f;
+  CoatedConductorMaterial metal;
+  metal.roughness = {{0.2f, kNone}, {0.2f, kNone}, false};
+  metal.conductor.roughness = {{alpha, kNone}, {alpha, kNone}, false};
+  metal.conductor.has_reflectance = true;
+  metal.conductor.reflectance.value.rgb = tint({0.9f, 0.7f, 0.5f});
+  return LampsOver(tint, plastic, metal);
 }
 
 }  // namespace sheaf::render

@@ -84,6 +84,15 @@ bool MayHaveGlossySurfaces(const SceneDescription& scene) {
     return MayBePositive(roughness.u) || MayBePositive(roughness.v);
   };
   return std::ranges::any_of(scene.materials, [&](const MaterialDescription& description) {
+    if (const auto* m = std::get_if<CoatedConductorMaterial>(&description.material)) {
+      return may_be_rough(m->roughness) || may_be_rough(m->conductor.roughness);
+    }
+    if (const auto* m = std::get_if<PrincipledMaterial>(&description.material)) {
+      const bool is_glass = m->transmission.texture == kNone && m->transmission.value > 0 &&
+                            m->metallic.texture == kNone && m->metallic.value < 1;
+      return !is_glass && (MayBePositive(m->roughness) ||
+                           (MayBePositive(m->coat) && MayBePositive(m->coat_roughness)));
+    }
     const auto* const metal = std::get_if<ConductorMaterial>(&description.material);
     const auto* const coated = std::get_if<CoatedDiffuseMaterial>(&description.material);
     return (metal != nullptr && may_be_rough(metal->roughness)) ||

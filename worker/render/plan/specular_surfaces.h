@@ -18,7 +18,8 @@ namespace sheaf::render {
 bool MayHaveSpecularSurfaces(const SceneDescription& scene);
 
 // Whether a material may have a glossy lobe by which lights are chosen (Technique::kProduct): a
-// rough conductor, or a diffuse one with a rough coat. True also where only a texture knows.
+// rough conductor or coat, or a rough principled surface other than glass. True also where only a
+// texture knows.
 bool MayHaveGlossySurfaces(const SceneDescription& scene);
 
 // One line about the eyes of a stereo frame: that they share paths, and the materials at which they

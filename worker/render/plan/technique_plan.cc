@@ -63,7 +63,8 @@ void PlanTechniques(const SceneDescription& scene, TechniqueSet techniques, Rend
   if (techniques.Has(Technique::kProduct)) {
     plan->notes.emplace_back(
         ChoosesByProduct(techniques)
-            ? "product: rough metals and coats sample the lights that they reflect to the camera"
+            ? "product: rough metals, coats and principled surfaces sample the lights that they "
+              "reflect to the camera"
             : "product: off beside light paths, which would have to know the light samples of a "
               "camera path before they know from where the camera sees its vertex");
   }
