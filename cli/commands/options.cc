@@ -261,9 +261,8 @@ void AddTransportOptions(CLI::App* command, RenderSettings* settings) {
           "matters most. +emission-guiding: paths from lights begin where, as the training found, "
           "light reaches the picture, for pictures of a small part of the scene. +learned-lights: "
           "vertices sample the lights that a short training found to be seen from there, for many "
-          "lights behind walls. +product: rough metals, coats and principled surfaces sample the "
-          "lights that they reflect to the camera, for many lights over glossy surfaces; off "
-          "beside light paths. "
+          "lights behind walls. +product: glossy surfaces sample the lights that they reflect "
+          "to the camera, for many lights over them; off beside light paths. "
           "+merging: paths "
           "from lights also find what the camera sees through smooth glass or in mirrors; BIASED "
           "by a blur, which errors include. +sharing: paths from the camera count in all pixels "
@@ -305,9 +304,7 @@ void AddJsonFlag(CLI::App* command, bool* json) {
 void AddSettingsOptions(CLI::App* command, JobArguments* arguments) {
   RenderSettings& settings = arguments->settings;
   const OptionGroup group(command, "Scene and samples");
-  command
-      ->add_option("SCENE", arguments->scene,
-                   "Scene file: pbrt-v4, glTF 2.0 (.gltf, .glb) or USD (.usd, .usda, .usdc, .usdz)")
+  command->add_option("SCENE", arguments->scene, "Scene file: pbrt-v4, glTF 2.0, or USD")
       ->required();
   command->add_option("--samples", settings.samples, "Samples per pixel (default: the scene's)")
       ->check(InRange(int64_t{1}));
