@@ -48,7 +48,9 @@ bool StartsWith(const FrameImage& image, const FrameImage& first) {
 
 // The squared bias of merging, estimated about a pixel. Single pixels are too noisy: the mean over
 // the pixels next to it of the product of two independent estimates has the mean of their squared
-// biases as its expectation, where the square of one would include its noise.
+// biases as its expectation, where the square of one would include its noise. A wide neighborhood
+// has little noise, but hides the bias of a peak that is narrower. So a narrow one counts where it
+// has more bias, by more than its noise.
 class SquaredBias {
  public:
   // component: "R", "G" or "B". The image must outlive it.
@@ -61,29 +63,51 @@ class SquaredBias {
   // Whether the image has an estimate.
   bool present() const { return all_ != nullptr && even_ != nullptr; }
   double At(int32_t x, int32_t y) const {
-    constexpr int32_t kReach = 3;
-    double sum = 0;
-    int count = 0;
-    for (int32_t v = std::max(y - kReach, window_.y0); v <= std::min(y + kReach, window_.y1 - 1);
-         ++v) {
-      const int32_t first = std::max(x - kReach, window_.x0);
-      size_t p = window_.IndexOf(first, v);
-      for (int32_t u = first; u <= std::min(x + kReach, window_.x1 - 1); ++u, ++p) {
-        sum += ProductAt(p);
-        ++count;
-      }
-    }
-    return std::max(0.0, sum / count);
+    constexpr int32_t kWideReach = 3, kNarrowReach = 1;
+    const Near wide = Around(x, y, kWideReach), narrow = Around(x, y, kNarrowReach);
+    return std::max({0.0, wide.product, narrow.product - narrow.NoiseOfProduct()});
   }
 
  private:
-  // One estimate by the passes of even replicates, one by the others.
-  double ProductAt(size_t p) const {
+  // Two estimates of the bias of a pixel: by the passes of even replicates, and by the others.
+  struct Halves {
+    double even = 0, odd = 0;
+  };
+  // Means over the pixels near one.
+  struct Near {
+    double product = 0;
+    double square_of_difference = 0;
+    int count = 0;
+
+    // The standard error of `product` where there is no bias, and pixels are independent: that of
+    // one pixel is the variance of a half, of which the difference has twice.
+    double NoiseOfProduct() const { return square_of_difference / (2 * std::sqrt(count)); }
+  };
+
+  Near Around(int32_t x, int32_t y, int32_t reach) const {
+    Near near;
+    for (int32_t v = std::max(y - reach, window_.y0); v <= std::min(y + reach, window_.y1 - 1);
+         ++v) {
+      const int32_t first = std::max(x - reach, window_.x0);
+      size_t p = window_.IndexOf(first, v);
+      for (int32_t u = first; u <= std::min(x + reach, window_.x1 - 1); ++u, ++p) {
+        const Halves halves = HalvesAt(p);
+        const double difference = halves.even - halves.odd;
+        near.product += halves.even * halves.odd;
+        near.square_of_difference += difference * difference;
+        ++near.count;
+      }
+    }
+    near.product /= near.count;
+    near.square_of_difference /= near.count;
+    return near;
+  }
+  Halves HalvesAt(size_t p) const {
     const double passes = std::floor(double{(*passes_)[p]} + 0.5);
     const double odd_passes = std::floor(passes / 2), even_passes = passes - odd_passes;
-    if (odd_passes == 0) return 0;
+    if (odd_passes == 0) return {};
     const double even = double{(*even_)[p]}, odd = double{(*all_)[p]} - even;
-    return even * odd * (passes / even_passes) * (passes / odd_passes);
+    return {even * (passes / even_passes), odd * (passes / odd_passes)};
   }
 
   const PixelRect window_;

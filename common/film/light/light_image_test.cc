@@ -103,8 +103,8 @@ TEST(LightImageTest, LightGroupsAddAndWhatIsNotFiniteIsCounted) {
   EXPECT_EQ(At(image, "nonfinite", 1, 1), 3);
 }
 
-// A light image whose passes have this bias in the whole window, with independent noise.
-FrameImage BiasedLight(const PixelRect& window, float bias, float noise) {
+// A light image whose passes have this bias in `biased`, with independent noise in the window.
+FrameImage BiasedLight(const PixelRect& window, const PixelRect& biased, float bias, float noise) {
   FilmOutputs outputs;
   AddMergeBias(&outputs);
   FilmTile tile(window, {0, 16}, outputs);
@@ -113,7 +113,8 @@ FrameImage BiasedLight(const PixelRect& window, float bias, float noise) {
     for (int32_t y = window.y0; y < window.y1; ++y) {
       for (int32_t x = window.x0; x < window.x1; ++x) {
         const float u = HashToUnit((pass * 4096 + static_cast<uint64_t>(y * 64 + x)));
-        film.AddBias(x, y, Rgb::Gray(bias + noise * (u - 0.5f)));
+        const bool has_bias = biased.Contains({x, y, x + 1, y + 1});
+        film.AddBias(x, y, Rgb::Gray((has_bias ? bias : 0) + noise * (u - 0.5f)));
       }
     }
     film.EndPass();
@@ -122,6 +123,10 @@ FrameImage BiasedLight(const PixelRect& window, float bias, float noise) {
   FrameImage light = MakeFrameImage(window, window.x1, window.y1, outputs);
   DevelopTile(tile, &light);
   return light;
+}
+
+FrameImage BiasedLight(const PixelRect& window, float bias, float noise) {
+  return BiasedLight(window, window, bias, noise);
 }
 
 TEST(LightImageTest, ErrorsIncludeTheBiasOfMerging) {
@@ -140,6 +145,14 @@ TEST(LightImageTest, ErrorsIncludeTheBiasOfMerging) {
   EXPECT_LT(std::sqrt(square / (24 * 24)), 0.05);
   AddLight(camera, BiasedLight(kWide, 0.4f, 1.4f), {3, 4, 5, 6}, &image);
   EXPECT_NEAR(At(image, "stderr.R", 4, 5), 0.4f, 0.08f);
+}
+
+TEST(LightImageTest, ErrorsIncludeTheBiasOfANarrowPeak) {
+  constexpr PixelRect kWide{0, 0, 24, 24}, kPeak{11, 11, 14, 14};
+  FrameImage camera = MakeFrameImage(kWide, 24, 24), image = camera;
+  AddLight(camera, BiasedLight(kWide, kPeak, -0.4f, 0.3f), kWide, &image);
+  EXPECT_NEAR(At(image, "stderr.R", 12, 12), 0.4f, 0.04f);
+  EXPECT_LT(At(image, "stderr.R", 3, 3), 0.05f);
 }
 
 TEST(LightImageTest, TheBiasOfMergingIsALayer) {
