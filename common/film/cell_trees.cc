@@ -60,11 +60,16 @@ FilmTile CellTrees::Compose(const SumOf& sum_of) const {
   return whole;
 }
 
-FilmTile CellTrees::Root() const {
+FilmTile CellTrees::Root() const& {
   const bool complete =
       std::ranges::none_of(trees_, [](const TileTree& tree) { return tree.nodes().empty(); });
   SHEAF_CHECK(complete);
   return Compose([](const TileTree& tree) { return tree.Root(); });
+}
+
+FilmTile CellTrees::Root() && {
+  if (trees_.size() == 1) return std::move(trees_.front()).Root();
+  return std::as_const(*this).Root();
 }
 
 FilmTile CellTrees::PreviewSum() const {

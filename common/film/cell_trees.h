@@ -29,7 +29,9 @@ class CellTrees {
   // is the smallest one starting at 0 that contains all samples.
   // Requires: for Root, samples in every cell, each as TileTree::Root requires; for PreviewSum,
   // samples in at least one cell.
-  FilmTile Root() const;
+  FilmTile Root() const&;
+  // The same, with no copy where the tile is one cell of one node; empty afterwards.
+  FilmTile Root() &&;
   FilmTile PreviewSum() const;
 
  private:

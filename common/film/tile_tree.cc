@@ -71,12 +71,21 @@ uint64_t TileTree::SampleCount() const {
 
 // A node without a right half equals its left half: the loop folds nodes from the right end up the
 // tree.
-FilmTile TileTree::Root() const {
+FilmTile TileTree::Root() const& {
   SHEAF_CHECK(!nodes_.empty());
-  SHEAF_CHECK(nodes_.rbegin()->second.block().End() == SampleCount());
-  auto node = nodes_.rbegin();
-  FilmTile sum = node->second;
-  for (++node; node != nodes_.rend(); ++node) {
+  return SumWithLast(nodes_.rbegin()->second);
+}
+
+FilmTile TileTree::Root() && {
+  SHEAF_CHECK(!nodes_.empty());
+  FilmTile sum = SumWithLast(std::move(nodes_.rbegin()->second));
+  nodes_.clear();
+  return sum;
+}
+
+FilmTile TileTree::SumWithLast(FilmTile sum) const {
+  SHEAF_CHECK(sum.block().End() == SampleCount());
+  for (auto node = std::next(nodes_.rbegin()); node != nodes_.rend(); ++node) {
     sum = AddTiles(node->second, sum, Parent(node->second.block()));
   }
   return sum;

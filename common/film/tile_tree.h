@@ -27,13 +27,18 @@ class TileTree {
   const std::map<uint64_t, FilmTile>& nodes() const { return nodes_; }
   // The value of the canonical tree over all samples present; absent right halves are skipped.
   // Requires: at least one node; the nodes cover a prefix [0, n). Use Covers to check.
-  FilmTile Root() const;
+  FilmTile Root() const&;
+  // The same, without a copy of the only node; the tree is empty afterwards.
+  FilmTile Root() &&;
   // Sum of all nodes in ascending order, gaps allowed: for previews, never for delivery.
   // Requires: at least one node.
   FilmTile PreviewSum() const;
   const PixelRect& rect() const { return rect_; }
 
  private:
+  // Root, with the last node's sums.
+  FilmTile SumWithLast(FilmTile sum) const;
+
   PixelRect rect_;
   std::map<uint64_t, FilmTile> nodes_;  // Keyed by block.first.
 };

@@ -13,20 +13,19 @@
 namespace sheaf {
 namespace {
 
-// Sums of R, G, B and weight of all pixels over half of the replicates: those of even number, or
-// the others. Summed plane by plane, in memory order.
+// Sums of R, G, B and weight of pixels in a row over half of the replicates: those of even number,
+// or the others. Row by row, as a tile may be the whole frame; plane by plane, in memory order.
 using HalfSums = std::array<std::vector<double>, kReplicateChannelCount>;
-HalfSums SumHalf(const FilmTile& sums, uint32_t parity) {
-  HalfSums half;
-  for (size_t i = 0; i < half.size(); ++i) {
-    half[i].resize(sums.plane_size());
+void SumHalf(const FilmTile& sums, uint32_t parity, size_t first, size_t width, HalfSums* half) {
+  for (size_t i = 0; i < half->size(); ++i) {
+    std::vector<double>& row = (*half)[i];
+    row.assign(width, 0);
     for (uint32_t slot = 0; slot < sums.replicate_count(); ++slot) {
       if ((sums.replicate_first() + slot) % 2 != parity) continue;
-      const float* plane = sums.replicate(slot, i);
-      for (size_t p = 0; p < sums.plane_size(); ++p) half[i][p] += double{plane[p]};
+      const float* plane = sums.replicate(slot, i) + first;
+      for (size_t p = 0; p < width; ++p) row[p] += double{plane[p]};
     }
   }
-  return half;
 }
 
 // With S and W the sums over even replicates and m the mean over all, S - m W is (a - b) / 2 times
@@ -54,15 +53,17 @@ void ErrorSample::DevelopTile(const FilmTile& sums, const ImageColor& color) {
   for (std::vector<float>& plane : planes_) {
     plane.resize(static_cast<size_t>(window_.PixelCount()));
   }
-  const HalfSums even = SumHalf(sums, 0), odd = SumHalf(sums, 1);
-  const float* counts = sums.channel(FilmChannel::kSampleCount);
-  size_t from = 0;
+  HalfSums even, odd;
+  const auto width = static_cast<size_t>(tile.Width());
   for (int32_t y = tile.y0; y < tile.y1; ++y) {
-    size_t to = window_.IndexOf(tile.x0, y);
-    for (int32_t x = tile.x0; x < tile.x1; ++x, ++from, ++to) {
-      Vec3d error = ErrorAt(even, odd, double{counts[from]}, from);
+    const size_t from = tile.IndexOf(tile.x0, y), to = window_.IndexOf(tile.x0, y);
+    SumHalf(sums, 0, from, width, &even);
+    SumHalf(sums, 1, from, width, &odd);
+    const float* counts = sums.channel(FilmChannel::kSampleCount) + from;
+    for (size_t p = 0; p < width; ++p) {
+      Vec3d error = ErrorAt(even, odd, double{counts[p]}, p);
       if (!color.AsSummed()) error = TransformVector(color.light_from_srgb, error);
-      for (size_t i = 0; i < 3; ++i) planes_[i][to] = static_cast<float>(error[i]);
+      for (size_t i = 0; i < 3; ++i) planes_[i][to + p] = static_cast<float>(error[i]);
     }
   }
 }

@@ -79,7 +79,9 @@ bool FrameMerge::Complete(uint32_t index, const CellTrees& trees) const {
 
 void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   Tile& tile = tiles_[index];
-  const FilmTile root = trees->Root();
+  // Only frames that grow need the sums later.
+  const bool keeps_trees = grows_ && !budget_->Exhausted();
+  const FilmTile root = keeps_trees ? trees->Root() : std::move(*trees).Root();
   DevelopTile(root, &TargetOf(index));
   Combine(index);
   std::optional<ErrorSample>& error_sample = LayerOf(index).error_sample;
@@ -89,7 +91,7 @@ void FrameMerge::Develop(uint32_t index, std::unique_ptr<CellTrees> trees) {
   NoteNames(root, &image_);
   SetIntervals(index, root);
   tile.state = State::kDeveloped;
-  if (!grows_ || budget_->Exhausted()) trees.reset();
+  if (!keeps_trees) trees.reset();
   tile.trees = std::move(trees);
   SetSize(&tile, tile.trees == nullptr ? 0 : tile.trees->size_bytes());
   changed_.erase(index);
