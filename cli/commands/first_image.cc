@@ -3,8 +3,12 @@
 #include "cli/commands/first_image.h"
 
 #include <algorithm>
+#include <chrono>
+#include <cstddef>
 #include <memory>
+#include <stop_token>
 #include <string>
+#include <thread>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -15,6 +19,7 @@
 #include "common/base/mutex.h"
 #include "common/base/surroundings/process_memory.h"
 #include "common/film/frame_image.h"
+#include "common/film/task_kind.h"
 #include "common/scene/settings/techniques.h"
 
 namespace sheaf::cli {
@@ -24,11 +29,17 @@ namespace {
 // milliseconds, and there are many tasks.
 constexpr double kGrowthNoted = 1.01;
 
-// The image into which the coordinator merges; frames of light paths have one for these.
+// The image into which the coordinator merges, and the error of its colors; frames with light paths
+// have one for each kind of path, and their sum.
 uint64_t ImageBytesOf(const FrameSettings& settings) {
   const auto pixels = static_cast<uint64_t>(settings.window.PixelCount());
-  const uint64_t bytes = pixels * ImageChannelCount(settings.outputs) * sizeof(float);
-  return HasLightPaths(settings.techniques) ? 2 * bytes : bytes;
+  const size_t error_planes = settings.one_sequence ? 0 : 3;
+  const size_t of_camera = ImageChannelCount(settings.outputs);
+  size_t planes = of_camera + error_planes;
+  if (HasLightPaths(settings.techniques)) {
+    planes += of_camera + ImageChannelCount(LightOutputsOf(settings)) + error_planes;
+  }
+  return pixels * planes * sizeof(float);
 }
 
 // Keeps the account of the moment at which the process was largest.
@@ -45,12 +56,20 @@ class LargestMemory {
   }
   void Note(const render::SceneMemory& scene) {
     const MutexLock lock(&mutex_);
-    const auto noted_bytes = static_cast<double>(largest_.resident_bytes);
-    if (static_cast<double>(ResidentBytesNow()) <= kGrowthNoted * noted_bytes) return;
-    MemoryBesideScene beside = beside_;
-    beside.film_bytes += farm_->film_bytes();
-    MemoryAccount now = MakeMemoryAccount(scene, beside, ProcessMemoryNow());
-    if (now.resident_bytes > largest_.resident_bytes) largest_ = std::move(now);
+    scene_ = scene;
+    NoteLargest();
+  }
+  // Notes it until stopped: light passes, and the coordinator's work on their results, hold the
+  // most between tasks' ends.
+  void Watch(std::stop_token stop) {
+    constexpr std::chrono::milliseconds kBetween{2};
+    while (!stop.stop_requested()) {
+      {
+        const MutexLock lock(&mutex_);
+        NoteLargest();
+      }
+      std::this_thread::sleep_for(kBetween);
+    }
   }
   MemoryAccount Largest() const {
     const MutexLock lock(&mutex_);
@@ -58,7 +77,17 @@ class LargestMemory {
   }
 
  private:
+  void NoteLargest() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    const auto noted_bytes = static_cast<double>(largest_.resident_bytes);
+    if (static_cast<double>(ResidentBytesNow()) <= kGrowthNoted * noted_bytes) return;
+    MemoryBesideScene beside = beside_;
+    beside.film_bytes += farm_->film_bytes();
+    MemoryAccount now = MakeMemoryAccount(scene_, beside, ProcessMemoryNow());
+    if (now.resident_bytes > largest_.resident_bytes) largest_ = std::move(now);
+  }
+
   mutable Mutex mutex_;
+  render::SceneMemory scene_ ABSL_GUARDED_BY(mutex_);  // As last told.
   const LocalFarm* farm_ ABSL_GUARDED_BY(mutex_) = nullptr;
   MemoryBesideScene beside_ ABSL_GUARDED_BY(mutex_);
   MemoryAccount largest_ ABSL_GUARDED_BY(mutex_);
@@ -97,7 +126,12 @@ ExitCode RenderFirstImage(JobArguments arguments, bool measures_memory,
   if (absl::Status status = (*farm)->StartWorker(); !status.ok()) {
     return ReportError(ExitCode::kFile, status);
   }
+  std::jthread watching;
+  if (measures_memory) {
+    watching = std::jthread([&memory](std::stop_token stop) { memory.Watch(std::move(stop)); });
+  }
   const absl::StatusOr<v1::Job> ended = client.WatchJob(created->name(), [](const v1::Job&) {});
+  watching = {};  // Stops it.
   if (!ended.ok()) return ReportCallError(ended.status());
   *image = {LoadTimesNow(), memory.Largest()};
   return ReportEnd(*ended, /*images_written=*/true, /*remedy=*/"", arguments.detail);

@@ -37,6 +37,7 @@ MemoryAccount MakeMemoryAccount(const render::SceneMemory& scene, const MemoryBe
       {"volumes", scene.volume_bytes},
       {"volume pages", scene.page_bytes},
       {"guiding", scene.guiding_bytes},
+      {"light passes", scene.light_pass_bytes},
       {"scene description", scene.description_bytes},
       {"film", beside.film_bytes},
       {"libraries", process.resident.file_bytes},

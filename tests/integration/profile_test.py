@@ -6,6 +6,8 @@ says of the process.
 """
 import json
 import os
+import subprocess
+import tempfile
 import unittest
 
 import farm
@@ -16,6 +18,8 @@ SMALL = ("--size", "64x64")
 OTHER_MAX = 0.1
 # The part of the process' CPU time in no phase: gRPC's and the farm's threads, above all.
 OTHER_CPU_MAX = 0.35
+# The most memory that plan says may differ from that of a render by this part.
+PEAK_OFF_MAX = 0.1
 # Kinds that only some scenes have.
 RARE = {"textures", "environment maps", "volumes", "volume pages", "guiding"}
 
@@ -58,6 +62,24 @@ class ProfileTest(unittest.TestCase):
                                  account["resident_bytes"])
                 self.assertLess(abs(account["other_bytes"]),
                                 OTHER_MAX * account["resident_bytes"], account)
+
+    def test_memory_is_the_most_that_a_render_takes(self):
+        # A light pass takes as much as the frame, and holds the most before its task ends.
+        flags = (os.path.join(SCENES, "shop-window.pbrt"), "--size", "600x450", "--techniques",
+                 "camera+light+merging")
+        account = self.plan(*flags, "--memory")["memory_account"]
+        self.assertIn("light passes", {kind["name"] for kind in account["kinds"]})
+        with tempfile.TemporaryDirectory() as folder:
+            out = os.path.join(folder, "image.exr")
+            program = os.path.join(farm.programs(), "sheaf")
+            render = subprocess.Popen([program, "render", *flags, "--samples", "1", "-o", out],
+                                      stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+            _, status, usage = os.wait4(render.pid, 0)
+            render.returncode = os.waitstatus_to_exitcode(status)
+        self.assertEqual(render.returncode, 0)
+        most_bytes = usage.ru_maxrss * 1024
+        self.assertLess(abs(account["resident_bytes"] - most_bytes), PEAK_OFF_MAX * most_bytes,
+                        account)
 
     def test_text_has_both_tables(self):
         said = farm.local("plan", os.path.join(SCENES, "cornell-box.pbrt"), "--timings",

@@ -82,7 +82,7 @@ uint64_t LightPassMemoryBytes(PixelRect window, SampleBlock block, const FilmOut
   const uint64_t passes = std::min(block.count, LightPassAccumulator::kPassesMax);
   const uint64_t planes =
       kFilmChannelCount + passes * kReplicateChannelCount + 2 * MeanChannelCount(outputs);
-  const uint64_t sums = static_cast<uint64_t>(std::bit_width(passes)) + 1;
+  const uint64_t sums = static_cast<uint64_t>(std::bit_width(passes));
   const bool merges = HasMergeBias(outputs);
   const uint64_t values =
       3 * (1 + outputs.light_groups.size()) + (merges ? kMergeBiasMeanCount : 0);

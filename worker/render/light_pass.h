@@ -18,7 +18,7 @@ namespace sheaf::render {
 // whole frame, also where the window is a part of it, so that a crop equals that part of the whole.
 // Sums what they splat onto the window. A pure function of (scene, window, block), as
 // RenderTilePass is; densities above their bounds have the block rendered again. Single-threaded;
-// may be called from any number of threads. Memory: about 140 bytes a pixel of the window for one
+// may be called from any number of threads. Memory: about 110 bytes a pixel of the window for one
 // pass, 450 for 16, and more with light groups (LightPassAccumulator), and some 400 bytes for each
 // pixel with a camera path that light paths are merged with, at most kGatherPointsMax.
 // Errors: kCancelled when stop was requested (checked once a row); kInvalidArgument.

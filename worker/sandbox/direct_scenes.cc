@@ -171,12 +171,18 @@ class DirectScene : public OpenScene {
 
   absl::StatusOr<RenderedPart> Render(const Lease& lease, std::stop_token stop) const override {
     absl::StatusOr<RenderedPart> part = RenderPart(lease, stop);
-    if (watch_ && part.ok()) watch_(render::MemoryOf(*scene_));
+    if (part.ok()) TellWatch();
     if (part.ok()) SetPages(&*part);
     return part;
   }
 
  private:
+  void TellWatch() const {
+    if (!watch_) return;
+    render::SceneMemory memory = render::MemoryOf(*scene_);
+    memory.light_pass_bytes = light_passes_.bytes();
+    watch_(memory);
+  }
   // Figures of the pages that were used since the last part.
   void SetPages(RenderedPart* part) const {
     const MutexLock lock(&mutex_);
@@ -215,6 +221,7 @@ class DirectScene : public OpenScene {
           render::LightPassMemoryBytes(lease.tile, lease.block, LightOutputsOf(lease.settings)),
           stop);
       if (!pass.ok()) return pass.status();
+      TellWatch();
       return render::RenderLightPass(*scene_, lease.tile, lease.block, stop, stats);
     }
     if (HasOneTile(lease.settings)) {

@@ -52,7 +52,8 @@ class PageTotals {
 
 class DirectScenes : public SceneOpener {
  public:
-  // Told what a scene holds after each of its tasks, on the threads that render.
+  // Told what a scene holds before each light pass and after each of its tasks, on the threads that
+  // render.
   using MemoryWatch = std::function<void(const render::SceneMemory&)>;
 
   // room_now: the memory that this process may still allocate, by the limits of its environment.

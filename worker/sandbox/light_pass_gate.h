@@ -36,6 +36,11 @@ class LightPassGate {
     uint64_t bytes_;
   };
 
+  // The bytes of the passes that were let in.
+  uint64_t bytes() const {
+    const MutexLock lock(&mutex_);
+    return taken_;
+  }
   // Waits until the passes that were let in take at most bytes_max with this one, or there is none.
   // Errors: kCancelled when stop was requested.
   absl::StatusOr<Pass> Enter(uint64_t bytes, std::stop_token stop);
@@ -44,7 +49,7 @@ class LightPassGate {
   void Leave(uint64_t bytes);
 
   const uint64_t bytes_max_;
-  Mutex mutex_;
+  mutable Mutex mutex_;
   CondVar left_;
   uint64_t taken_ ABSL_GUARDED_BY(mutex_) = 0;
 };

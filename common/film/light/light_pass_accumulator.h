@@ -8,7 +8,7 @@
 // were divided into tasks.
 //
 // Memory: besides the tile, 24 bytes a pixel for each of the sums that are under way, at most
-// 2 + log2 of the number of passes, as much again for each light group, and twice as much for the
+// 1 + log2 of the number of passes, as much again for each light group, and twice as much for the
 // bias.
 #pragma once
 

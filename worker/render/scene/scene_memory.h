@@ -22,6 +22,7 @@ struct SceneMemory {
   uint64_t volume_bytes = 0;       // Grids with their bounds.
   uint64_t page_bytes = 0;         // Pages of page files that are in memory now.
   uint64_t guiding_bytes = 0;      // Learned fields; 0 before the training.
+  uint64_t light_pass_bytes = 0;   // The most that light passes under way take; set by who does.
 };
 
 // Thread safety: as for rendering.
