@@ -126,6 +126,8 @@ class ShaderReader:
         place, output, _ = node_links.source(wanted)
         if place is None:
             return closures.NOTHING
+        if output.type != "SHADER":  # Cycles makes an Emission of a color or a number.
+            return Closure(None, 1.0, values.color(self.values.read(wanted)))
         return self._memory.read(place, output, lambda: self._surface(place), closures.NOTHING)
 
     def _surface(self, place):

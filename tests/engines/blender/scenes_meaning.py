@@ -173,6 +173,14 @@ def mix_matt_light(b):
     shaded(b, "Mix", MATT, LIGHT)
 
 
+def mix_matt_color(b):
+    shaded(b, "Mix", MATT, ("ShaderNodeRGB", {}))
+
+
+def add_number(b):
+    shaded(b, "Add", MATT, ("ShaderNodeValue", {}))
+
+
 def add_one(b):
     shaded(b, "Add", MATT, None)
 
