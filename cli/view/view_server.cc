@@ -39,43 +39,52 @@ ViewServer::ViewServer(const RenderSettings& settings, int threads, ViewEvents e
 }
 
 ViewServer::~ViewServer() {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   ends_ = true;
   stop_.request_stop();
-  changed_.notify_all();
+  changed_.NotifyAll();
 }
 
 void ViewServer::Ask(ViewRequest request) {
-  const std::lock_guard<std::mutex> lock(mutex_);
+  const MutexLock lock(&mutex_);
   if (wanted_) {
     if (request.scene.empty()) request.scene = std::move(wanted_->scene);
     if (request.camera.empty()) request.camera = std::move(wanted_->camera);
   }
   wanted_ = std::move(request);
   stop_.request_stop();
-  changed_.notify_all();
+  changed_.NotifyAll();
 }
 
 void ViewServer::Wait() {
-  std::unique_lock<std::mutex> lock(mutex_);
-  changed_.wait(lock, [this] { return ends_ || (!is_busy_ && !wanted_); });
+  const MutexLock lock(&mutex_);
+  const auto is_idle = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return ends_ || (!is_busy_ && !wanted_);
+  };
+  changed_.Wait(&mutex_, is_idle);
+}
+
+std::optional<ViewRequest> ViewServer::NextRequest(std::stop_token* stop) {
+  const MutexLock lock(&mutex_);
+  const auto is_due = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) {
+    return ends_ || wanted_.has_value();
+  };
+  changed_.Wait(&mutex_, is_due);
+  if (ends_) return std::nullopt;
+  stop_ = std::stop_source();
+  *stop = stop_.get_token();
+  is_busy_ = true;
+  return std::exchange(wanted_, std::nullopt);
 }
 
 void ViewServer::Run() {
-  std::unique_lock<std::mutex> lock(mutex_);
-  while (true) {
-    changed_.wait(lock, [this] { return ends_ || wanted_; });
-    if (ends_) return;
-    const ViewRequest request = *std::exchange(wanted_, std::nullopt);
-    stop_ = std::stop_source();
-    const std::stop_token stop = stop_.get_token();
-    is_busy_ = true;
-    lock.unlock();
-    const bool goes_on = Handle(request, stop);
-    lock.lock();
+  std::stop_token stop;
+  while (const std::optional<ViewRequest> request = NextRequest(&stop)) {
+    const bool is_taken = Handle(*request, stop);
+    const MutexLock lock(&mutex_);
     is_busy_ = false;
-    ends_ = ends_ || !goes_on;
-    changed_.notify_all();
+    ends_ = ends_ || !is_taken;
+    changed_.NotifyAll();
   }
 }
 

@@ -4,11 +4,9 @@
 // ViewServer: takes requests, the newest first, and gives coarse images, then finer ones.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <memory>
-#include <mutex>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -18,6 +16,7 @@
 #include "absl/status/status.h"
 #include "cli/view/view_request.h"
 #include "cli/view/viewed_scene.h"
+#include "common/base/mutex.h"
 
 namespace sheaf::cli {
 
@@ -58,6 +57,8 @@ class ViewServer {
  private:
   using Clock = std::chrono::steady_clock;
   void Run();
+  // Waits for a request, and marks the server as busy with it; none if the server ends.
+  std::optional<ViewRequest> NextRequest(std::stop_token* stop);
   // False if an event ended the server.
   bool Handle(const ViewRequest& request, const std::stop_token& stop);
   absl::Status Load(const ViewRequest& request);
@@ -77,11 +78,11 @@ class ViewServer {
   std::optional<SampledView> view_;
   double seconds_per_sample_ = 0;  // For a pixel; 0: unknown.
 
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::optional<ViewRequest> wanted_;
-  std::stop_source stop_;  // Ends the request that is worked on.
-  bool is_busy_ = false, ends_ = false;
+  Mutex mutex_;
+  CondVar changed_;
+  std::optional<ViewRequest> wanted_ ABSL_GUARDED_BY(mutex_);
+  std::stop_source stop_ ABSL_GUARDED_BY(mutex_);  // Ends the request that is worked on.
+  bool is_busy_ ABSL_GUARDED_BY(mutex_) = false, ends_ ABSL_GUARDED_BY(mutex_) = false;
   std::jthread thread_;
 };
 
