@@ -40,8 +40,11 @@ def check_set_aside(browser, farm, screenshot):
     job = json.loads(done.stdout.splitlines()[-1])["name"]
     browser.run("location.hash = arguments[0]", job)
     worker = farm.start_worker("--task-seconds-max", "1")
-    wait_until(lambda: "Frame 1" in browser.run(ASIDE), CRASH_SECONDS_MAX, "a frame set aside")
-    farm.kill(worker)  # So that the other frame stays.
+    wait_until(lambda: all(f"Frame {number}" in browser.run(ASIDE) for number in (1, 2)),
+               CRASH_SECONDS_MAX, "both frames set aside")
+    farm.kill(worker)
+    farm.sheaf("retry", job, "--frame", 2)  # It waits for a worker.
+    wait_until(lambda: "Frame 2" not in browser.run(ASIDE), CHANGE_SECONDS_MAX, "frame 2 waits")
     text = browser.run(ASIDE)
     for words in ("Task 0", "internal", "did not finish within 1s", "Retry task", "Retry frame"):
         assert words in text, text
