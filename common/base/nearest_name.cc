@@ -14,26 +14,27 @@ namespace {
 constexpr size_t kPrefixBytesMin = 3;  // Without dashes.
 constexpr size_t kNameBytesMax = 64;   // Longer names are not worth the quadratic comparison.
 
-// Levenshtein distance, the number of single-byte edits from a to b; at most `limit`.
+// The number of single-byte edits, or swaps of neighbors, from a to b.
 // Requires: neither is longer than kNameBytesMax.
-size_t EditDistance(std::string_view a, std::string_view b, size_t limit) {
-  const size_t difference = std::max(a.size(), b.size()) - std::min(a.size(), b.size());
-  if (difference >= limit) return limit;
-  std::array<size_t, kNameBytesMax + 1> columns;
-  size_t* const row = columns.data();
-  std::iota(row, row + b.size() + 1, size_t{0});
-  for (size_t i = 0; i < a.size(); ++i) {
-    size_t diagonal = row[0];
-    size_t least = row[0] = i + 1;
-    for (size_t j = 0; j < b.size(); ++j) {
-      const size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-      least = std::min(least, row[j + 1]);
+// Source: Damerau 1964, "A technique for computer detection and correction of spelling errors";
+// no byte is edited twice.
+size_t EditDistance(std::string_view a, std::string_view b) {
+  // rows[i % 3][j]: the distance between the first i bytes of a and the first j of b.
+  std::array<std::array<size_t, kNameBytesMax + 1>, 3> rows;
+  std::iota(rows[0].begin(), rows[0].end(), size_t{0});
+  for (size_t i = 1; i <= a.size(); ++i) {
+    auto& row = rows[i % 3];
+    const auto &last = rows[(i + 2) % 3], &before_last = rows[(i + 1) % 3];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t replaced = last[j - 1] + (a[i - 1] == b[j - 1] ? 0 : 1);
+      row[j] = std::min({replaced, last[j] + 1, row[j - 1] + 1});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) {
+        row[j] = std::min(row[j], before_last[j - 2] + 1);
+      }
     }
-    if (least >= limit) return limit;  // Rows never decrease.
   }
-  return std::min(row[b.size()], limit);
+  return rows[a.size() % 3][b.size()];
 }
 
 size_t CountLetters(std::string_view name) {
@@ -65,7 +66,7 @@ std::string NearestNameHint(std::string_view name, const std::vector<std::string
       std::min(std::max<size_t>(2, name.size() / 3), CountLetters(name) / 2) + 1;
   for (const std::string& candidate : candidates) {
     if (candidate.size() > kNameBytesMax) continue;
-    const size_t distance = EditDistance(name, candidate, best_distance);
+    const size_t distance = EditDistance(name, candidate);
     if (distance < best_distance) {
       best_distance = distance;
       best = &candidate;

@@ -12,6 +12,7 @@ TEST(NearestNameTest, SuggestsTheNearestName) {
   EXPECT_EQ(NearestNameHint("rendr", names), "; did you mean \"render\"?");
   EXPECT_EQ(NearestNameHint("difuse", names), "; did you mean \"diffuse\"?");
   EXPECT_EQ(NearestNameHint("--sample", names), "; did you mean \"--samples\"?");
+  EXPECT_EQ(NearestNameHint("rbg", {"auto", "rgb"}), "; did you mean \"rgb\"?") << "a swap";
   EXPECT_EQ(NearestNameHint("nonsense", names), "");
   EXPECT_EQ(NearestNameHint("--prio", {"--ocio", "--priority-group", "--priority"}),
             "; did you mean \"--priority\"?");
