@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "cli/commands/command.h"
 #include "cli/commands/options.h"
@@ -84,12 +85,14 @@ class ViewCommand : public Command {
     const int threads = threads_ > 0 ? static_cast<int>(threads_)
                                      : static_cast<int>(std::thread::hardware_concurrency());
     ViewServer server({}, std::max(1, threads), {PrintFrame, PrintLoaded, PrintFailure});
-    std::string line;
-    while (std::getline(std::cin, line)) {
-      if (line.empty()) continue;
+    std::vector<char> line(kRequestBytesMax + 1);
+    // Fails, but at the end of the input, where a line is longer.
+    while (std::cin.getline(line.data(), static_cast<std::streamsize>(line.size())) ||
+           !std::cin.eof()) {
+      if (!std::cin.fail() && line[0] == '\0') continue;
       absl::StatusOr<ViewRequest> request =
-          line.size() > kRequestBytesMax ? absl::InvalidArgumentError("the request is too long")
-                                         : ParseViewRequest(line);
+          std::cin.fail() ? absl::InvalidArgumentError("the request is too long")
+                          : ParseViewRequest(line.data());
       if (!request.ok()) return ReportError(ExitCode::kUsage, request.status());
       server.Ask(*std::move(request));
     }

@@ -19,6 +19,7 @@ CAMERA = ('Film "rgb" "integer xresolution" 30 "integer yresolution" 20 '
           '"integer pixelbounds" [ 6 30 0 20 ]\n'
           'Sampler "zsobol" "integer pixelsamples" 4\n'
           'LookAt 0 1 -5  0 1 0  0 1 0\nCamera "perspective" "float fov" 50')
+REQUEST_BYTES_MAX = 1 << 20  # kRequestBytesMax of command_view.cc.
 SECONDS_MAX = 60
 
 
@@ -96,6 +97,13 @@ class ViewTest(unittest.TestCase):
         code, said = viewer.end()
         self.assertEqual(code, 2)
         self.assertIn("docs/viewing.md", said)
+
+    def test_a_line_that_is_too_long(self):
+        viewer = Viewer()
+        viewer.say("x" * (REQUEST_BYTES_MAX + 1))
+        code, said = viewer.end()
+        self.assertEqual(code, 2)
+        self.assertIn("too long", said)
 
     def test_it_ends_where_answers_are_not_read(self):
         viewer = Viewer()

@@ -18,6 +18,7 @@
 #include "worker/render/scene/compile_tables.h"
 #include "worker/render/scene/displacement.h"
 #include "worker/render/scene/scene_memory.h"
+#include "worker/render/scene/scene_view.h"
 
 namespace sheaf::render {
 namespace {
@@ -62,11 +63,7 @@ absl::StatusOr<ChangeableScenePtr> Compile(SceneDescription description,
   if (!tracer.ok()) return tracer.status();
   scene->tracer = *std::move(tracer);
   if (!IsLitFromOutside(scene->description)) scene->tracer->NoteOutsideIsDark();
-  if (scene->interiors) {
-    const Ray center =
-        scene->camera.MakeRay<0>({settings.width_px / 2.0, settings.height_px / 2.0}, {}, 0);
-    scene->interiors->FindEnclosing(scene->geometry, *scene->tracer, center.o);
-  }
+  FindInteriorsOfCamera(scene);
   return ChangeableScenePtr(compiled->release());
 }
 

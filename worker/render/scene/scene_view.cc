@@ -35,6 +35,13 @@ bool IsFar(const Camera& camera, const SceneView& view, const SceneGeometry& geo
 
 }  // namespace
 
+void FindInteriorsOfCamera(CompiledScene* scene) {
+  if (!scene->interiors) return;
+  const FrameSettings& film = scene->settings;
+  const Ray center = scene->camera.MakeRay<0>({film.width_px / 2.0, film.height_px / 2.0}, {}, 0);
+  scene->interiors->FindEnclosing(scene->geometry, *scene->tracer, center.o);
+}
+
 absl::Status SetView(const SceneView& view, FileSource& files, CompiledScene* scene) {
   const CameraDescription& old = scene->description.camera;
   const bool same_shutter = view.camera.shutter_open == old.shutter_open &&
@@ -60,10 +67,7 @@ absl::Status SetView(const SceneView& view, FileSource& files, CompiledScene* sc
   scene->description.film.width_px = scene->settings.width_px = view.width_px;
   scene->description.film.height_px = scene->settings.height_px = view.height_px;
   scene->settings.window = view.window;
-  if (scene->interiors) {
-    const Ray center = scene->camera.MakeRay<0>({view.width_px / 2.0, view.height_px / 2.0}, {}, 0);
-    scene->interiors->FindEnclosing(scene->geometry, *scene->tracer, center.o);
-  }
+  FindInteriorsOfCamera(scene);
   return absl::OkStatus();
 }
 

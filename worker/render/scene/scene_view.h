@@ -29,4 +29,8 @@ struct SceneView {
 // After an error the scene has its last view.
 absl::Status SetView(const SceneView& view, FileSource& files, CompiledScene* scene);
 
+// Finds the interiors that the scene's camera is in. Requires: the scene has its tracer, and no
+// other thread uses it.
+void FindInteriorsOfCamera(CompiledScene* scene);
+
 }  // namespace sheaf::render
